@@ -45,8 +45,13 @@ fn names_of_columns_count_in_every_command() {
     // LAS has columns of its own; coordinates and classes are equal.
     let (told, _) = ends(f, &["diff", "a.txt", "convert.las", "--columns", "class,x,y,z"], 1);
     assert!(told.contains("only new") && !told.contains("Classification differ"), "{told}");
-    let told = with(&["info", "a.txt"]);
-    assert!(told.contains("Classification"), "{told}");
+    let rows =
+        "class,east,north,up\n".to_string() + &std::fs::read_to_string(f.join("a.txt")).unwrap().replace(' ', ",");
+    std::fs::write(f.join("c.csv"), rows).unwrap();
+    for name in ["a.txt", "c.csv"] {
+        let told = with(&["info", "--stats", name]);
+        assert!(told.contains("Classification") && told.contains("class 6"), "{told}");
+    }
 }
 
 #[test]
@@ -73,11 +78,11 @@ fn classes_above_255_are_never_taken_for_255() {
     assert!(text.contains("class 259") && !f.join("b.ply").exists(), "{text}");
     let told = done(f, &["info", "--stats", "a.ply"]);
     assert!(told.contains("600 points have classes above 255") && !told.contains("class 255"), "{told}");
-    let less = Values::U16((0..count).map(|i| if i < 600 { 255 } else { 1 }).collect());
+    let less = Values::U16((0..count).map(|i| if i < 600 { 2 } else { 1 }).collect());
     cloud.set_column(Column::new(names::CLASSIFICATION, less)).unwrap();
     save(f, "c.ply", &cloud);
-    let (told, _) = ends(f, &["diff", "a.ply", "c.ply"], 1);
-    assert!(!told.contains("255"), "{told}");
+    let (told, _) = ends(f, &["diff", "a.ply", "c.ply", "--format", "json"], 1);
+    assert!(told.contains("\"from\": 1") && !told.contains("\"from\": 255"), "{told}");
 }
 
 #[test]
@@ -164,6 +169,7 @@ fn options_that_would_have_no_effect_are_refused() {
     let edges = ["train", "a.laz", "--recipe", "contours", "--edges", "e.geojson", "-o", "o.model"];
     fails(f, &[&edges[..], &["--weak-labels", "l.csv"]].concat(), 2);
     fails(f, &[&edges[..], &["--map", "1=2"]].concat(), 2);
+    fails(f, &["filter", "a.laz", "-o", "b.laz", "--classes", "2", "--window", "9"], 2);
     let text = fails(f, &["classify", "a.laz", "-o", "b.laz", "--map", "9-3=2"], 2);
     assert!(text.contains("9-3=2"), "{text}");
 }
@@ -183,4 +189,30 @@ fn points_in_degrees_are_compared_in_their_own_order_only() {
     done(f, &["evaluate", "a.las", "a.las"]);
     let text = fails(f, &["evaluate", "a.las", "b.las"], 4);
     assert!(text.contains("the same points in the same order"), "{text}");
+}
+
+#[test]
+fn each_class_has_its_own_probability_also_with_equal_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    save(f, "a.ply", &street(20.0, 7));
+    let names = ["--names", "2=x y,5=x-y,6=x_y"];
+    let train = ["train", "a.ply", "-o", "a.model", "--set", "forest.trees=2", "--set", "features.pyramid.levels=2"];
+    done(f, &[&train[..], &names].concat());
+    done(f, &["classify", "a.ply", "-m", "a.model", "-o", "b.ply", "--probabilities"]);
+    let cloud = io::read(&f.join("b.ply")).unwrap();
+    let columns: Vec<_> = cloud.columns().iter().filter(|c| c.name.starts_with("P_")).collect();
+    let sum = |i: usize| columns.iter().map(|c| c.values.get(i)).sum::<f64>();
+    assert!(columns.len() >= 3 && (0..cloud.len()).all(|i| (sum(i) - 1.0).abs() < 1e-5), "{} columns", columns.len());
+}
+
+#[test]
+fn tables_of_commas_have_as_many_columns_as_their_header() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    save(f, "a, b.laz", &street(10.0, 8));
+    let told = done(f, &["info", "--stats", "--format", "csv", "a, b.laz"]);
+    let lines: Vec<&str> = told.lines().collect();
+    assert!(lines[0].ends_with("duplicates,outside_bounds") && lines[1].starts_with("\"a, b.laz\","), "{told}");
+    assert_eq!(lines[1].split(',').count(), lines[0].split(',').count() + 1, "{told}");
 }

@@ -15,7 +15,10 @@ impl<'a, T> ChunksIrregular<'a, T> {
         P: IntoIterator<IntoIter = T, Item = usize>,
         T: Iterator<Item = usize>,
     {
-        Self { remainder: slc, size_provider: size_provider.into_iter() }
+        Self {
+            remainder: slc,
+            size_provider: size_provider.into_iter(),
+        }
     }
 }
 
@@ -51,7 +54,10 @@ impl<'a, T> ChunksIrregularMut<'a, T> {
         P: IntoIterator<IntoIter = T, Item = usize>,
         T: Iterator<Item = usize>,
     {
-        Self { remainder: slc, size_provider: size_provider.into_iter() }
+        Self {
+            remainder: slc,
+            size_provider: size_provider.into_iter(),
+        }
     }
 }
 

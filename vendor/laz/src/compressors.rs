@@ -119,13 +119,19 @@ impl IntegerCompressor {
     pub fn init(&mut self) {
         if self.m_bits.is_empty() {
             for _i in 0..self.contexts {
-                self.m_bits.push(models::ArithmeticModel::new(self.corr_bits + 1, false, &[]));
+                self.m_bits
+                    .push(models::ArithmeticModel::new(self.corr_bits + 1, false, &[]));
             }
 
             if !COMPRESS_ONLY_K {
                 for i in 1..=self.corr_bits {
-                    let v = if i <= self.bits_high { 1 << i } else { 1 << self.bits_high };
-                    self.m_corrector.push(models::ArithmeticModel::new(v, false, &[]))
+                    let v = if i <= self.bits_high {
+                        1 << i
+                    } else {
+                        1 << self.bits_high
+                    };
+                    self.m_corrector
+                        .push(models::ArithmeticModel::new(v, false, &[]))
                 }
             }
         }
@@ -188,7 +194,10 @@ impl IntegerCompressor {
                     // for small k we code the interval in one step
                     {
                         // compress c with the range coder
-                        encoder.encode_symbol(&mut self.m_corrector[(self.k - 1) as usize], c as u32)?;
+                        encoder.encode_symbol(
+                            &mut self.m_corrector[(self.k - 1) as usize],
+                            c as u32,
+                        )?;
                     } else
                     // for larger k we need to code the interval in two steps
                     {
@@ -199,7 +208,10 @@ impl IntegerCompressor {
                         // c represents the highest bits_high bits
                         c >>= k1 as i32;
                         // compress the higher bits using a context table
-                        encoder.encode_symbol(&mut self.m_corrector[(self.k - 1) as usize], c as u32)?;
+                        encoder.encode_symbol(
+                            &mut self.m_corrector[(self.k - 1) as usize],
+                            c as u32,
+                        )?;
                         // store the lower k1 bits raw
                         encoder.write_bits(k1, c1)?;
                     }
@@ -223,7 +235,12 @@ pub struct IntegerCompressorBuilder {
 
 impl IntegerCompressorBuilder {
     pub fn new() -> Self {
-        Self { bits: DEFAULT_BITS, contexts: DEFAULT_CONTEXTS, bits_high: DEFAULT_BITS_HIGH, range: DEFAULT_RANGE }
+        Self {
+            bits: DEFAULT_BITS,
+            contexts: DEFAULT_CONTEXTS,
+            bits_high: DEFAULT_BITS_HIGH,
+            range: DEFAULT_RANGE,
+        }
     }
 
     pub fn bits(&mut self, bits: u32) -> &mut Self {

@@ -107,7 +107,11 @@ pub struct ArithmeticDecoder<T: Read> {
 
 impl<T: Read> ArithmeticDecoder<T> {
     pub fn new(in_stream: T) -> Self {
-        Self { in_stream, value: 0, length: AC_MAX_LENGTH }
+        Self {
+            in_stream,
+            value: 0,
+            length: AC_MAX_LENGTH,
+        }
     }
 
     pub fn reset(&mut self) {
@@ -119,7 +123,8 @@ impl<T: Read> ArithmeticDecoder<T> {
         let mut v = [0u8; 4];
         self.in_stream.read_exact(&mut v)?;
 
-        self.value = u32::from(v[0]) << 24 | u32::from(v[1]) << 16 | u32::from(v[2]) << 8 | u32::from(v[3]);
+        self.value =
+            u32::from(v[0]) << 24 | u32::from(v[1]) << 16 | u32::from(v[2]) << 8 | u32::from(v[3]);
         Ok(())
     }
 
@@ -155,7 +160,10 @@ impl<T: Read> ArithmeticDecoder<T> {
             // use table look-up for faster decoding
             self.length >>= DM_LENGTH_SHIFT;
             if self.length == 0 {
-                return Err(std::io::Error::new(std::io::ErrorKind::UnexpectedEof, "ArithmeticDecoder length is zero"));
+                return Err(std::io::Error::new(
+                    std::io::ErrorKind::UnexpectedEof,
+                    "ArithmeticDecoder length is zero",
+                ));
             }
             let dv = self.value / self.length;
             let t = dv >> model.table_shift;

@@ -116,14 +116,20 @@ impl IntegerDecompressor {
     pub fn init(&mut self) {
         if self.m_bits.is_empty() {
             for _i in 0..self.contexts {
-                self.m_bits.push(models::ArithmeticModel::new(self.corr_bits + 1, false, &[]));
+                self.m_bits
+                    .push(models::ArithmeticModel::new(self.corr_bits + 1, false, &[]));
             }
 
             // m_corrector0 is already initialized
             if !COMPRESS_ONLY_K {
                 for i in 1..=self.corr_bits {
-                    let v = if i <= self.bits_high { 1 << i } else { 1 << self.bits_high };
-                    self.m_corrector.push(models::ArithmeticModel::new(v, false, &[]));
+                    let v = if i <= self.bits_high {
+                        1 << i
+                    } else {
+                        1 << self.bits_high
+                    };
+                    self.m_corrector
+                        .push(models::ArithmeticModel::new(v, false, &[]));
                 }
             }
         }
@@ -171,12 +177,14 @@ impl IntegerDecompressor {
                         if self.k <= self.bits_high {
                             // for small k we can do this in one step
                             // decompress c with the range coder
-                            c = dec.decode_symbol(&mut self.m_corrector[(self.k - 1) as usize])? as i32;
+                            c = dec.decode_symbol(&mut self.m_corrector[(self.k - 1) as usize])?
+                                as i32;
                         } else {
                             // for larger k we need to do this in two steps
                             let k1 = self.k - self.bits_high;
                             // decompress higher bits with table
-                            c = dec.decode_symbol(&mut self.m_corrector[(self.k - 1) as usize])? as i32;
+                            c = dec.decode_symbol(&mut self.m_corrector[(self.k - 1) as usize])?
+                                as i32;
                             let c1 = dec.read_bits(k1)?;
                             // put the corrector back together
                             c = (c << k1 as i32) | c1 as i32;
@@ -220,7 +228,12 @@ pub struct IntegerDecompressorBuilder {
 
 impl IntegerDecompressorBuilder {
     pub fn new() -> Self {
-        Self { bits: DEFAULT_BITS, contexts: DEFAULT_CONTEXTS, bits_high: DEFAULT_BITS_HIGH, range: DEFAULT_RANGE }
+        Self {
+            bits: DEFAULT_BITS,
+            contexts: DEFAULT_CONTEXTS,
+            bits_high: DEFAULT_BITS_HIGH,
+            range: DEFAULT_RANGE,
+        }
     }
     pub fn bits(&mut self, bits: u32) -> &mut Self {
         self.bits = bits;

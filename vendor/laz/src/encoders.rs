@@ -114,7 +114,14 @@ impl<T: Write> ArithmeticEncoder<T> {
         let out_byte = out_buffer.as_mut_ptr_range().start;
         let end_byte = out_buffer.as_mut_ptr_range().end;
 
-        Self { out_buffer, out_byte, end_byte, base: 0, length: decoders::AC_MAX_LENGTH, out_stream }
+        Self {
+            out_buffer,
+            out_byte,
+            end_byte,
+            base: 0,
+            length: decoders::AC_MAX_LENGTH,
+            out_stream,
+        }
     }
 
     #[inline]
@@ -154,9 +161,15 @@ impl<T: Write> ArithmeticEncoder<T> {
         self.renorm_enc_interval()?;
 
         if self.end_byte != self.end_of_buffer() {
-            debug_assert!((self.out_byte.cast_const()) < self.out_buffer.as_ptr().wrapping_add(AC_BUFFER_SIZE));
+            debug_assert!(
+                (self.out_byte.cast_const())
+                    < self.out_buffer.as_ptr().wrapping_add(AC_BUFFER_SIZE)
+            );
             let slc = unsafe {
-                std::slice::from_raw_parts(self.out_buffer.as_ptr().wrapping_add(AC_BUFFER_SIZE), AC_BUFFER_SIZE)
+                std::slice::from_raw_parts(
+                    self.out_buffer.as_ptr().wrapping_add(AC_BUFFER_SIZE),
+                    AC_BUFFER_SIZE,
+                )
             };
             self.out_stream.write_all(&slc)?;
         }
@@ -176,7 +189,11 @@ impl<T: Write> ArithmeticEncoder<T> {
     }
 
     //TODO symbol is a bit, should it be bool type instead ?
-    pub fn encode_bit(&mut self, model: &mut models::ArithmeticBitModel, sym: u32) -> std::io::Result<()> {
+    pub fn encode_bit(
+        &mut self,
+        model: &mut models::ArithmeticBitModel,
+        sym: u32,
+    ) -> std::io::Result<()> {
         debug_assert!(sym <= 1);
         // product l x p0
         let x = model.bit_0_prob * (self.length >> models::BM_LENGTH_SHIFT);
@@ -205,7 +222,11 @@ impl<T: Write> ArithmeticEncoder<T> {
         Ok(())
     }
 
-    pub fn encode_symbol(&mut self, model: &mut models::ArithmeticModel, sym: u32) -> std::io::Result<()> {
+    pub fn encode_symbol(
+        &mut self,
+        model: &mut models::ArithmeticModel,
+        sym: u32,
+    ) -> std::io::Result<()> {
         debug_assert!(sym <= model.last_symbol);
 
         let x;

@@ -35,9 +35,11 @@ impl fmt::Display for LasZipError {
     fn fmt(&self, f: &mut fmt::Formatter) -> Result<(), fmt::Error> {
         match self {
             LasZipError::UnknownLazItem(t) => write!(f, "Item with type code: {} is unknown", t),
-            LasZipError::UnsupportedLazItemVersion(item_type, version) => {
-                write!(f, "Item {:?} with compression version: {} is not supported", item_type, version)
-            }
+            LasZipError::UnsupportedLazItemVersion(item_type, version) => write!(
+                f,
+                "Item {:?} with compression version: {} is not supported",
+                item_type, version
+            ),
             LasZipError::UnknownCompressorType(compressor_type) => {
                 write!(f, "Compressor type {} is not valid", compressor_type)
             }

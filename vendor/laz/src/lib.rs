@@ -111,13 +111,13 @@ pub use errors::LasZipError;
 pub use las::selective::DecompressionSelection;
 #[cfg(feature = "parallel")]
 pub use laszip::parallel::{
-    par_compress_buffer, par_decompress, par_decompress_buffer, par_decompress_selective, ParLasZipAppender,
-    ParLasZipCompressor, ParLasZipDecompressor,
+    par_compress_buffer, par_decompress, par_decompress_buffer, par_decompress_selective,
+    ParLasZipAppender, ParLasZipCompressor, ParLasZipDecompressor,
 };
 pub use laszip::{compress_buffer, decompress_buffer};
 pub use laszip::{
-    LasZipAppender, LasZipCompressor, LasZipDecompressor, LazCompressor, LazCompressorWithInner, LazDecompressor,
-    LazItem, LazItemRecordBuilder, LazItemType, LazVlr, LazVlrBuilder,
+    LasZipAppender, LasZipCompressor, LasZipDecompressor, LazCompressor, LazCompressorWithInner,
+    LazDecompressor, LazItem, LazItemRecordBuilder, LazItemType, LazVlr, LazVlrBuilder,
 };
 
 pub mod compressors;

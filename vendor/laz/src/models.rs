@@ -122,13 +122,18 @@ impl ArithmeticModel {
         let mut s = 0usize;
 
         if self.compress || self.table_size == 0 {
-            for (symbol_distribution, symbol_count) in self.distribution.iter_mut().zip(&self.symbol_count) {
+            for (symbol_distribution, symbol_count) in
+                self.distribution.iter_mut().zip(&self.symbol_count)
+            {
                 *symbol_distribution = (scale * sum) >> (31 - DM_LENGTH_SHIFT);
                 sum += *symbol_count;
             }
         } else {
-            for (k, (symbol_distribution, symbol_count)) in
-                self.distribution.iter_mut().zip(&self.symbol_count).enumerate()
+            for (k, (symbol_distribution, symbol_count)) in self
+                .distribution
+                .iter_mut()
+                .zip(&self.symbol_count)
+                .enumerate()
             {
                 *symbol_distribution = (scale * sum) >> (31 - DM_LENGTH_SHIFT);
                 sum += *symbol_count;
@@ -221,7 +226,11 @@ pub struct ArithmeticModelBuilder<'a> {
 
 impl<'a> ArithmeticModelBuilder<'a> {
     pub fn new(symbols: u32) -> Self {
-        Self { symbols, compress: false, init_table: &[] }
+        Self {
+            symbols,
+            compress: false,
+            init_table: &[],
+        }
     }
 
     pub fn with_compression(&mut self, state: bool) -> &'_ mut Self {

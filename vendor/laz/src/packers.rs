@@ -51,13 +51,21 @@ pub trait Packable {
 impl Packable for u64 {
     #[inline]
     fn unpack_from(input: &[u8]) -> Self {
-        assert!(input.len() >= size_of::<Self>(), "u64::unpack_from expected a slice of {} bytes", size_of::<Self>());
+        assert!(
+            input.len() >= size_of::<Self>(),
+            "u64::unpack_from expected a slice of {} bytes",
+            size_of::<Self>()
+        );
         unsafe { Self::unpack_from_unchecked(input) }
     }
 
     #[inline]
     fn pack_into(&self, output: &mut [u8]) {
-        assert!(output.len() >= size_of::<Self>(), "u64::pack_into expected a slice of {} bytes", size_of::<Self>());
+        assert!(
+            output.len() >= size_of::<Self>(),
+            "u64::pack_into expected a slice of {} bytes",
+            size_of::<Self>()
+        );
         unsafe { self.pack_into_unchecked(output) }
     }
 
@@ -77,20 +85,28 @@ impl Packable for u64 {
 
     #[inline]
     unsafe fn pack_into_unchecked(&self, output: &mut [u8]) {
-        output.get_unchecked_mut(..8).copy_from_slice(&self.to_le_bytes())
+        output
+            .get_unchecked_mut(..8)
+            .copy_from_slice(&self.to_le_bytes())
     }
 }
 
 impl Packable for u32 {
     #[inline]
     fn unpack_from(input: &[u8]) -> Self {
-        assert!(input.len() >= 4, "u32::unpack_from expected a slice of 4 bytes");
+        assert!(
+            input.len() >= 4,
+            "u32::unpack_from expected a slice of 4 bytes"
+        );
         unsafe { Self::unpack_from_unchecked(input) }
     }
 
     #[inline]
     fn pack_into(&self, output: &mut [u8]) {
-        assert!(output.len() >= 4, "u32::pack_into expected a slice of 4 bytes");
+        assert!(
+            output.len() >= 4,
+            "u32::pack_into expected a slice of 4 bytes"
+        );
         unsafe { self.pack_into_unchecked(output) }
     }
 
@@ -106,20 +122,28 @@ impl Packable for u32 {
 
     #[inline]
     unsafe fn pack_into_unchecked(&self, output: &mut [u8]) {
-        output.get_unchecked_mut(..4).copy_from_slice(&self.to_le_bytes())
+        output
+            .get_unchecked_mut(..4)
+            .copy_from_slice(&self.to_le_bytes())
     }
 }
 
 impl Packable for u16 {
     #[inline]
     fn unpack_from(input: &[u8]) -> Self {
-        assert!(input.len() >= 2, "u16::unpack_from expected a slice of 2 bytes");
+        assert!(
+            input.len() >= 2,
+            "u16::unpack_from expected a slice of 2 bytes"
+        );
         unsafe { Self::unpack_from_unchecked(input) }
     }
 
     #[inline]
     fn pack_into(&self, output: &mut [u8]) {
-        assert!(output.len() >= 2, "u32::pack_into expected a slice of 4 bytes");
+        assert!(
+            output.len() >= 2,
+            "u32::pack_into expected a slice of 4 bytes"
+        );
         unsafe { self.pack_into_unchecked(output) }
     }
 
@@ -133,7 +157,9 @@ impl Packable for u16 {
 
     #[inline]
     unsafe fn pack_into_unchecked(&self, output: &mut [u8]) {
-        output.get_unchecked_mut(..2).copy_from_slice(&self.to_le_bytes());
+        output
+            .get_unchecked_mut(..2)
+            .copy_from_slice(&self.to_le_bytes());
     }
 }
 
@@ -228,13 +254,19 @@ impl Packable for i8 {
 impl Packable for f32 {
     #[inline]
     fn unpack_from(input: &[u8]) -> Self {
-        assert!(input.len() >= 4, "f32::unpack_from expected a slice of 4 bytes");
+        assert!(
+            input.len() >= 4,
+            "f32::unpack_from expected a slice of 4 bytes"
+        );
         unsafe { Self::unpack_from_unchecked(input) }
     }
 
     #[inline]
     fn pack_into(&self, output: &mut [u8]) {
-        assert!(output.len() >= 4, "f32::pack_into expected a slice of 4 bytes");
+        assert!(
+            output.len() >= 4,
+            "f32::pack_into expected a slice of 4 bytes"
+        );
         unsafe { self.pack_into_unchecked(output) }
     }
 
@@ -250,6 +282,8 @@ impl Packable for f32 {
 
     #[inline]
     unsafe fn pack_into_unchecked(&self, output: &mut [u8]) {
-        output.get_unchecked_mut(..4).copy_from_slice(&self.to_le_bytes())
+        output
+            .get_unchecked_mut(..4)
+            .copy_from_slice(&self.to_le_bytes())
     }
 }

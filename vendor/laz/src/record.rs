@@ -37,7 +37,11 @@ pub trait FieldDecompressor<R: Read> {
     /// decompressed data in the `buf` slice.
     ///
     /// The `buf` slice will have a len of exactly `self_of_field()` bytes.
-    fn decompress_with(&mut self, decoder: &mut decoders::ArithmeticDecoder<R>, buf: &mut [u8]) -> std::io::Result<()>;
+    fn decompress_with(
+        &mut self,
+        decoder: &mut decoders::ArithmeticDecoder<R>,
+        buf: &mut [u8],
+    ) -> std::io::Result<()>;
 }
 
 /// Trait to be implemented by FieldCompressors that works with layers.
@@ -54,12 +58,21 @@ pub trait LayeredFieldDecompressor<R: Read> {
     /// Decompress the first point's field from the `src`, and pack it into the `first_point` slice
     ///
     /// The `first_point` slice will have a len of exactly `self_of_field()` bytes.
-    fn init_first_point(&mut self, src: &mut R, first_point: &mut [u8], context: &mut usize) -> std::io::Result<()>;
+    fn init_first_point(
+        &mut self,
+        src: &mut R,
+        first_point: &mut [u8],
+        context: &mut usize,
+    ) -> std::io::Result<()>;
 
     /// Decompress the next point's field and put the decompressed data in the `buf` slice.
     ///
     /// The `buf` slice will have a len of exactly `self_of_field()` bytes.
-    fn decompress_field_with(&mut self, current_point: &mut [u8], context: &mut usize) -> std::io::Result<()>;
+    fn decompress_field_with(
+        &mut self,
+        current_point: &mut [u8],
+        context: &mut usize,
+    ) -> std::io::Result<()>;
 
     /// Read the sizes of that the layers`LayeredFieldDecompressor` will decompress
     fn read_layers_sizes(&mut self, src: &mut R) -> std::io::Result<()>;
@@ -184,7 +197,10 @@ impl<'a, R: Read> SequentialPointRecordDecompressor<'a, R> {
     /// Add a field decompressor that will be used to decompress points record
     // This is used in our tests, but not in other code
     #[allow(dead_code)]
-    pub(crate) fn add_boxed_decompressor(&mut self, d: Box<dyn FieldDecompressor<R> + Send + Sync>) {
+    pub(crate) fn add_boxed_decompressor(
+        &mut self,
+        d: Box<dyn FieldDecompressor<R> + Send + Sync>,
+    ) {
         let field_size = d.size_of_field();
         self.record_size += field_size;
         self.fields_sizes.push(field_size);
@@ -197,35 +213,56 @@ impl<'a, R: Read> RecordDecompressor<R> for SequentialPointRecordDecompressor<'a
         for record_item in laz_items {
             match record_item.version {
                 1 => match record_item.item_type {
-                    LazItemType::Point10 => self.add_field_decompressor(las::v1::LasPoint0Decompressor::default()),
-                    LazItemType::GpsTime => self.add_field_decompressor(las::v1::LasGpsTimeDecompressor::default()),
-                    LazItemType::RGB12 => self.add_field_decompressor(las::v1::LasRGBDecompressor::default()),
-                    LazItemType::Byte(_) => {
-                        self.add_field_decompressor(las::v1::LasExtraByteDecompressor::new(record_item.size as usize))
+                    LazItemType::Point10 => {
+                        self.add_field_decompressor(las::v1::LasPoint0Decompressor::default())
                     }
+                    LazItemType::GpsTime => {
+                        self.add_field_decompressor(las::v1::LasGpsTimeDecompressor::default())
+                    }
+                    LazItemType::RGB12 => {
+                        self.add_field_decompressor(las::v1::LasRGBDecompressor::default())
+                    }
+                    LazItemType::Byte(_) => self.add_field_decompressor(
+                        las::v1::LasExtraByteDecompressor::new(record_item.size as usize),
+                    ),
                     LazItemType::WavePacket13 => {
                         self.add_field_decompressor(las::v1::LasWavepacketDecompressor::default())
                     }
                     _ => {
-                        return Err(LasZipError::UnsupportedLazItemVersion(record_item.item_type, record_item.version));
+                        return Err(LasZipError::UnsupportedLazItemVersion(
+                            record_item.item_type,
+                            record_item.version,
+                        ));
                     }
                 },
                 2 => match record_item.item_type {
-                    LazItemType::Point10 => self.add_field_decompressor(las::v2::LasPoint0Decompressor::default()),
-                    LazItemType::GpsTime => self.add_field_decompressor(las::v2::GpsTimeDecompressor::default()),
-                    LazItemType::RGB12 => self.add_field_decompressor(las::v2::LasRGBDecompressor::default()),
-                    LazItemType::Byte(_) => {
-                        self.add_field_decompressor(las::v2::LasExtraByteDecompressor::new(record_item.size as usize))
+                    LazItemType::Point10 => {
+                        self.add_field_decompressor(las::v2::LasPoint0Decompressor::default())
                     }
+                    LazItemType::GpsTime => {
+                        self.add_field_decompressor(las::v2::GpsTimeDecompressor::default())
+                    }
+                    LazItemType::RGB12 => {
+                        self.add_field_decompressor(las::v2::LasRGBDecompressor::default())
+                    }
+                    LazItemType::Byte(_) => self.add_field_decompressor(
+                        las::v2::LasExtraByteDecompressor::new(record_item.size as usize),
+                    ),
                     LazItemType::WavePacket13 => {
                         self.add_field_decompressor(las::v1::LasWavepacketDecompressor::default())
                     }
                     _ => {
-                        return Err(LasZipError::UnsupportedLazItemVersion(record_item.item_type, record_item.version));
+                        return Err(LasZipError::UnsupportedLazItemVersion(
+                            record_item.item_type,
+                            record_item.version,
+                        ));
                     }
                 },
                 _ => {
-                    return Err(LasZipError::UnsupportedLazItemVersion(record_item.item_type, record_item.version));
+                    return Err(LasZipError::UnsupportedLazItemVersion(
+                        record_item.item_type,
+                        record_item.version,
+                    ));
                 }
             }
         }
@@ -242,11 +279,17 @@ impl<'a, R: Read> RecordDecompressor<R> for SequentialPointRecordDecompressor<'a
 
     fn decompress_next(&mut self, out: &mut [u8]) -> std::io::Result<()> {
         let decompressors_and_data =
-            self.field_decompressors.iter_mut().zip(ChunksIrregularMut::new(out, self.fields_sizes.iter().copied()));
+            self.field_decompressors
+                .iter_mut()
+                .zip(ChunksIrregularMut::new(
+                    out,
+                    self.fields_sizes.iter().copied(),
+                ));
 
         if self.is_first_decompression {
             for (fields_decompressor, out_field_data) in decompressors_and_data {
-                fields_decompressor.decompress_first(&mut self.decoder.get_mut(), out_field_data)?;
+                fields_decompressor
+                    .decompress_first(&mut self.decoder.get_mut(), out_field_data)?;
             }
             self.is_first_decompression = false;
             // the decoder needs to be told that it should read the
@@ -325,7 +368,10 @@ impl<'a, R: Read + Seek> LayeredPointRecordDecompressor<'a, R> {
     }
 
     /// Add a field decompressor to be used
-    pub fn add_field_decompressor<T: 'static + LayeredFieldDecompressor<R> + Send + Sync>(&mut self, field: T) {
+    pub fn add_field_decompressor<T: 'static + LayeredFieldDecompressor<R> + Send + Sync>(
+        &mut self,
+        field: T,
+    ) {
         let size = field.size_of_field();
         self.record_size += size;
         self.fields_sizes.push(size);
@@ -338,41 +384,58 @@ impl<'a, R: Read + Seek> RecordDecompressor<R> for LayeredPointRecordDecompresso
         for record_item in laz_items {
             match record_item.version {
                 3 => match record_item.item_type {
-                    LazItemType::Point14 => self.add_field_decompressor(las::v3::LasPoint6Decompressor::default()),
-                    LazItemType::RGB14 => self.add_field_decompressor(las::v3::LasRGBDecompressor::default()),
+                    LazItemType::Point14 => {
+                        self.add_field_decompressor(las::v3::LasPoint6Decompressor::default())
+                    }
+                    LazItemType::RGB14 => {
+                        self.add_field_decompressor(las::v3::LasRGBDecompressor::default())
+                    }
                     LazItemType::RGBNIR14 => {
                         self.add_field_decompressor(las::v3::LasRGBDecompressor::default());
                         self.add_field_decompressor(las::v3::LasNIRDecompressor::default());
                     }
-                    LazItemType::Byte14(count) => {
-                        self.add_field_decompressor(las::v3::LasExtraByteDecompressor::new(count as usize))
-                    }
+                    LazItemType::Byte14(count) => self.add_field_decompressor(
+                        las::v3::LasExtraByteDecompressor::new(count as usize),
+                    ),
                     LazItemType::WavePacket14 => {
                         self.add_field_decompressor(las::v3::LasWavepacketDecompressor::default())
                     }
                     _ => {
-                        return Err(LasZipError::UnsupportedLazItemVersion(record_item.item_type, record_item.version));
+                        return Err(LasZipError::UnsupportedLazItemVersion(
+                            record_item.item_type,
+                            record_item.version,
+                        ));
                     }
                 },
                 4 => match record_item.item_type {
-                    LazItemType::Point14 => self.add_field_decompressor(las::v4::LasPoint6Decompressor::default()),
-                    LazItemType::RGB14 => self.add_field_decompressor(las::v4::LasRGBDecompressor::default()),
+                    LazItemType::Point14 => {
+                        self.add_field_decompressor(las::v4::LasPoint6Decompressor::default())
+                    }
+                    LazItemType::RGB14 => {
+                        self.add_field_decompressor(las::v4::LasRGBDecompressor::default())
+                    }
                     LazItemType::RGBNIR14 => {
                         self.add_field_decompressor(las::v4::LasRGBDecompressor::default());
                         self.add_field_decompressor(las::v4::LasNIRDecompressor::default());
                     }
-                    LazItemType::Byte14(count) => {
-                        self.add_field_decompressor(las::v4::LasExtraByteDecompressor::new(count as usize))
-                    }
+                    LazItemType::Byte14(count) => self.add_field_decompressor(
+                        las::v4::LasExtraByteDecompressor::new(count as usize),
+                    ),
                     LazItemType::WavePacket14 => {
                         self.add_field_decompressor(las::v4::LasWavepacketDecompressor::default())
                     }
                     _ => {
-                        return Err(LasZipError::UnsupportedLazItemVersion(record_item.item_type, record_item.version));
+                        return Err(LasZipError::UnsupportedLazItemVersion(
+                            record_item.item_type,
+                            record_item.version,
+                        ));
                     }
                 },
                 _ => {
-                    return Err(LasZipError::UnsupportedLazItemVersion(record_item.item_type, record_item.version));
+                    return Err(LasZipError::UnsupportedLazItemVersion(
+                        record_item.item_type,
+                        record_item.version,
+                    ));
                 }
             }
         }
@@ -393,11 +456,20 @@ impl<'a, R: Read + Seek> RecordDecompressor<R> for LayeredPointRecordDecompresso
 
     fn decompress_next(&mut self, out: &mut [u8]) -> std::io::Result<()> {
         let decompressors_and_data =
-            self.field_decompressors.iter_mut().zip(ChunksIrregularMut::new(out, self.fields_sizes.iter().copied()));
+            self.field_decompressors
+                .iter_mut()
+                .zip(ChunksIrregularMut::new(
+                    out,
+                    self.fields_sizes.iter().copied(),
+                ));
 
         if self.is_first_decompression {
             for (field_decompressor, out_field_data) in decompressors_and_data {
-                field_decompressor.init_first_point(&mut self.input, out_field_data, &mut self.context)?;
+                field_decompressor.init_first_point(
+                    &mut self.input,
+                    out_field_data,
+                    &mut self.context,
+                )?;
             }
 
             let _count = self.input.read_u32::<LittleEndian>()?;
@@ -458,7 +530,11 @@ pub trait FieldCompressor<W: Write> {
     /// Compress the field data from the `buf` to the `encoder`.
     ///
     /// The `buf` slice will have a len of exactly `self_of_field()` bytes.
-    fn compress_with(&mut self, encoder: &mut encoders::ArithmeticEncoder<W>, buf: &[u8]) -> std::io::Result<()>;
+    fn compress_with(
+        &mut self,
+        encoder: &mut encoders::ArithmeticEncoder<W>,
+        buf: &[u8],
+    ) -> std::io::Result<()>;
 }
 
 /// Trait to be implemented by FieldCompressors that works with layers.
@@ -468,10 +544,19 @@ pub trait LayeredFieldCompressor<W: Write> {
 
     /// Init the field compressor with the data of the first point's
     /// field
-    fn init_first_point(&mut self, dst: &mut W, first_point: &[u8], context: &mut usize) -> std::io::Result<()>;
+    fn init_first_point(
+        &mut self,
+        dst: &mut W,
+        first_point: &[u8],
+        context: &mut usize,
+    ) -> std::io::Result<()>;
 
     /// Compress the next point
-    fn compress_field_with(&mut self, current_point: &[u8], context: &mut usize) -> std::io::Result<()>;
+    fn compress_field_with(
+        &mut self,
+        current_point: &[u8],
+        context: &mut usize,
+    ) -> std::io::Result<()>;
 
     /// Write the size of each layers this compressor compressed.
     /// When this is called, all compressors used internally should be closed
@@ -562,31 +647,56 @@ impl<'a, W: Write> RecordCompressor<W> for SequentialPointRecordCompressor<'a, W
         for record_item in laz_items {
             match record_item.version {
                 1 => match record_item.item_type {
-                    LazItemType::Point10 => self.add_field_compressor(las::v1::LasPoint0Compressor::default()),
-                    LazItemType::GpsTime => self.add_field_compressor(las::v1::LasGpsTimeCompressor::default()),
-                    LazItemType::RGB12 => self.add_field_compressor(las::v1::LasRGBCompressor::default()),
-                    LazItemType::Byte(_) => {
-                        self.add_field_compressor(las::v1::LasExtraByteCompressor::new(record_item.size as usize))
+                    LazItemType::Point10 => {
+                        self.add_field_compressor(las::v1::LasPoint0Compressor::default())
                     }
-                    LazItemType::WavePacket13 => self.add_field_compressor(las::v1::LasWavepacketCompressor::default()),
+                    LazItemType::GpsTime => {
+                        self.add_field_compressor(las::v1::LasGpsTimeCompressor::default())
+                    }
+                    LazItemType::RGB12 => {
+                        self.add_field_compressor(las::v1::LasRGBCompressor::default())
+                    }
+                    LazItemType::Byte(_) => self.add_field_compressor(
+                        las::v1::LasExtraByteCompressor::new(record_item.size as usize),
+                    ),
+                    LazItemType::WavePacket13 => {
+                        self.add_field_compressor(las::v1::LasWavepacketCompressor::default())
+                    }
                     _ => {
-                        return Err(LasZipError::UnsupportedLazItemVersion(record_item.item_type, record_item.version));
+                        return Err(LasZipError::UnsupportedLazItemVersion(
+                            record_item.item_type,
+                            record_item.version,
+                        ));
                     }
                 },
                 2 => match record_item.item_type {
-                    LazItemType::Point10 => self.add_field_compressor(las::v2::LasPoint0Compressor::default()),
-                    LazItemType::GpsTime => self.add_field_compressor(las::v2::GpsTimeCompressor::default()),
-                    LazItemType::RGB12 => self.add_field_compressor(las::v2::LasRGBCompressor::default()),
-                    LazItemType::Byte(_) => {
-                        self.add_field_compressor(las::v2::LasExtraByteCompressor::new(record_item.size as usize))
+                    LazItemType::Point10 => {
+                        self.add_field_compressor(las::v2::LasPoint0Compressor::default())
                     }
-                    LazItemType::WavePacket13 => self.add_field_compressor(las::v2::LasWavepacketCompressor::default()),
+                    LazItemType::GpsTime => {
+                        self.add_field_compressor(las::v2::GpsTimeCompressor::default())
+                    }
+                    LazItemType::RGB12 => {
+                        self.add_field_compressor(las::v2::LasRGBCompressor::default())
+                    }
+                    LazItemType::Byte(_) => self.add_field_compressor(
+                        las::v2::LasExtraByteCompressor::new(record_item.size as usize),
+                    ),
+                    LazItemType::WavePacket13 => {
+                        self.add_field_compressor(las::v2::LasWavepacketCompressor::default())
+                    }
                     _ => {
-                        return Err(LasZipError::UnsupportedLazItemVersion(record_item.item_type, record_item.version));
+                        return Err(LasZipError::UnsupportedLazItemVersion(
+                            record_item.item_type,
+                            record_item.version,
+                        ));
                     }
                 },
                 _ => {
-                    return Err(LasZipError::UnsupportedLazItemVersion(record_item.item_type, record_item.version));
+                    return Err(LasZipError::UnsupportedLazItemVersion(
+                        record_item.item_type,
+                        record_item.version,
+                    ));
                 }
             }
         }
@@ -598,8 +708,9 @@ impl<'a, W: Write> RecordCompressor<W> for SequentialPointRecordCompressor<'a, W
     }
 
     fn compress_next(&mut self, input: &[u8]) -> std::io::Result<()> {
-        let field_compressors_and_data =
-            self.field_compressors.iter_mut().zip(ChunksIrregular::new(input, self.fields_sizes.iter().copied()));
+        let field_compressors_and_data = self.field_compressors.iter_mut().zip(
+            ChunksIrregular::new(input, self.fields_sizes.iter().copied()),
+        );
 
         if self.is_first_compression {
             for (field_compressor, field_data) in field_compressors_and_data {
@@ -658,10 +769,19 @@ pub struct LayeredPointRecordCompressor<'a, W: Write> {
 
 impl<'a, W: Write> LayeredPointRecordCompressor<'a, W> {
     pub fn new(dst: W) -> Self {
-        Self { field_compressors: vec![], record_size: 0, point_count: 0, dst, fields_sizes: vec![] }
+        Self {
+            field_compressors: vec![],
+            record_size: 0,
+            point_count: 0,
+            dst,
+            fields_sizes: vec![],
+        }
     }
 
-    pub fn add_field_compressor<T: LayeredFieldCompressor<W> + Send + Sync + 'a>(&mut self, field: T) {
+    pub fn add_field_compressor<T: LayeredFieldCompressor<W> + Send + Sync + 'a>(
+        &mut self,
+        field: T,
+    ) {
         let size = field.size_of_field();
         self.record_size += size;
         self.fields_sizes.push(size);
@@ -674,8 +794,12 @@ impl<'a, W: Write> RecordCompressor<W> for LayeredPointRecordCompressor<'a, W> {
         for item in laz_items {
             match item.version {
                 3 => match item.item_type {
-                    LazItemType::Point14 => self.add_field_compressor(las::v3::LasPoint6Compressor::default()),
-                    LazItemType::RGB14 => self.add_field_compressor(las::v3::LasRGBCompressor::default()),
+                    LazItemType::Point14 => {
+                        self.add_field_compressor(las::v3::LasPoint6Compressor::default())
+                    }
+                    LazItemType::RGB14 => {
+                        self.add_field_compressor(las::v3::LasRGBCompressor::default())
+                    }
                     LazItemType::RGBNIR14 => {
                         self.add_field_compressor(las::v3::LasRGBCompressor::default());
                         self.add_field_compressor(las::v3::LasNIRCompressor::default());
@@ -687,12 +811,19 @@ impl<'a, W: Write> RecordCompressor<W> for LayeredPointRecordCompressor<'a, W> {
                         self.add_field_compressor(las::v3::LasWavepacketCompressor::default());
                     }
                     _ => {
-                        return Err(LasZipError::UnsupportedLazItemVersion(item.item_type, item.version));
+                        return Err(LasZipError::UnsupportedLazItemVersion(
+                            item.item_type,
+                            item.version,
+                        ));
                     }
                 },
                 4 => match item.item_type {
-                    LazItemType::Point14 => self.add_field_compressor(las::v4::LasPoint6Compressor::default()),
-                    LazItemType::RGB14 => self.add_field_compressor(las::v4::LasRGBCompressor::default()),
+                    LazItemType::Point14 => {
+                        self.add_field_compressor(las::v4::LasPoint6Compressor::default())
+                    }
+                    LazItemType::RGB14 => {
+                        self.add_field_compressor(las::v4::LasRGBCompressor::default())
+                    }
                     LazItemType::RGBNIR14 => {
                         self.add_field_compressor(las::v4::LasRGBCompressor::default());
                         self.add_field_compressor(las::v4::LasNIRCompressor::default());
@@ -704,11 +835,17 @@ impl<'a, W: Write> RecordCompressor<W> for LayeredPointRecordCompressor<'a, W> {
                         self.add_field_compressor(las::v4::LasWavepacketCompressor::default());
                     }
                     _ => {
-                        return Err(LasZipError::UnsupportedLazItemVersion(item.item_type, item.version));
+                        return Err(LasZipError::UnsupportedLazItemVersion(
+                            item.item_type,
+                            item.version,
+                        ));
                     }
                 },
                 _ => {
-                    return Err(LasZipError::UnsupportedLazItemVersion(item.item_type, item.version));
+                    return Err(LasZipError::UnsupportedLazItemVersion(
+                        item.item_type,
+                        item.version,
+                    ));
                 }
             }
         }
@@ -721,8 +858,10 @@ impl<'a, W: Write> RecordCompressor<W> for LayeredPointRecordCompressor<'a, W> {
 
     fn compress_next(&mut self, point: &[u8]) -> std::io::Result<()> {
         let mut context = 0usize;
-        let compressors_and_data =
-            self.field_compressors.iter_mut().zip(ChunksIrregular::new(point, self.fields_sizes.iter().copied()));
+        let compressors_and_data = self.field_compressors.iter_mut().zip(ChunksIrregular::new(
+            point,
+            self.fields_sizes.iter().copied(),
+        ));
 
         if self.point_count == 0 {
             for (field_compressor, field_data) in compressors_and_data {

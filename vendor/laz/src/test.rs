@@ -9,12 +9,14 @@ use crate::las::v1;
 use crate::packers::Packable;
 use crate::record::{FieldCompressor, FieldDecompressor};
 use crate::record::{
-    RecordCompressor, RecordDecompressor, SequentialPointRecordCompressor, SequentialPointRecordDecompressor,
+    RecordCompressor, RecordDecompressor, SequentialPointRecordCompressor,
+    SequentialPointRecordDecompressor,
 };
 
 #[test]
 fn test_compression_decompression_of_point_10() {
-    let mut compressor = SequentialPointRecordCompressor::new(std::io::Cursor::new(Vec::<u8>::new()));
+    let mut compressor =
+        SequentialPointRecordCompressor::new(std::io::Cursor::new(Vec::<u8>::new()));
     compressor.add_field_compressor(LasPoint0Compressor::default());
 
     let n: i32 = 10000;
@@ -42,7 +44,8 @@ fn test_compression_decompression_of_point_10() {
 
     let compressed_data = compressor.into_inner().into_inner();
 
-    let mut decompressor = SequentialPointRecordDecompressor::new(std::io::Cursor::new(compressed_data));
+    let mut decompressor =
+        SequentialPointRecordDecompressor::new(std::io::Cursor::new(compressed_data));
     decompressor.add_field_decompressor(LasPoint0Decompressor::default());
 
     for i in 0..n {
@@ -78,7 +81,11 @@ fn test_rgb() {
 
     let mut buf = [0u8; 6];
     for i in 0..n {
-        let rgb = RGB { red: (i + 1000) % 65535, green: (i + 5000) % 65535, blue: (i + 10000) % 65535 };
+        let rgb = RGB {
+            red: (i + 1000) % 65535,
+            green: (i + 5000) % 65535,
+            blue: (i + 10000) % 65535,
+        };
 
         rgb.pack_into(&mut buf);
         compressor.compress_next(&buf).unwrap();
@@ -86,11 +93,16 @@ fn test_rgb() {
     compressor.done().unwrap();
     let compressed_data = compressor.into_inner().into_inner();
 
-    let mut decompressor = SequentialPointRecordDecompressor::new(std::io::Cursor::new(compressed_data));
+    let mut decompressor =
+        SequentialPointRecordDecompressor::new(std::io::Cursor::new(compressed_data));
     decompressor.add_field_decompressor(LasRGBDecompressor::default());
 
     for i in 0..n {
-        let expected_rgb = RGB { red: (i + 1000) % 65535, green: (i + 5000) % 65535, blue: (i + 10000) % 65535 };
+        let expected_rgb = RGB {
+            red: (i + 1000) % 65535,
+            green: (i + 5000) % 65535,
+            blue: (i + 10000) % 65535,
+        };
 
         decompressor.decompress_next(&mut buf).unwrap();
         let rgb = RGB::unpack_from(&buf);
@@ -108,7 +120,9 @@ fn test_gps_time() {
 
     let mut buf = [0u8; std::mem::size_of::<i64>()];
     for i in 0..n {
-        let gps_time = GpsTime { value: (i + 48741) % std::i64::MAX };
+        let gps_time = GpsTime {
+            value: (i + 48741) % std::i64::MAX,
+        };
         gps_time.pack_into(&mut buf);
 
         compressor.compress_next(&buf).unwrap();
@@ -121,7 +135,9 @@ fn test_gps_time() {
     decompressor.add_field_decompressor(GpsTimeDecompressor::default());
 
     for i in 0..n {
-        let expected_gps_time = GpsTime { value: (i + 48741) % std::i64::MAX };
+        let expected_gps_time = GpsTime {
+            value: (i + 48741) % std::i64::MAX,
+        };
         decompressor.decompress_next(&mut buf).unwrap();
         let gps_time = GpsTime::unpack_from(&buf);
         assert_eq!(expected_gps_time, gps_time);
@@ -143,7 +159,8 @@ macro_rules! loop_test_on_buffer {
 
             let mut expected_buf = [0u8; $point_size];
 
-            let mut compressor = SequentialPointRecordCompressor::new(Cursor::new(Vec::<u8>::new()));
+            let mut compressor =
+                SequentialPointRecordCompressor::new(Cursor::new(Vec::<u8>::new()));
             for c in $field_compressors {
                 compressor.add_boxed_compressor(c);
             }
@@ -166,14 +183,23 @@ macro_rules! loop_test_on_buffer {
             las_file.seek(SeekFrom::Start($point_start)).unwrap();
             for i in 0..NUM_POINTS {
                 las_file.read_exact(&mut expected_buf).unwrap();
-                decompressor.decompress_next(&mut buf).expect(&format!("Failed to decompress point {}", i));
+                decompressor
+                    .decompress_next(&mut buf)
+                    .expect(&format!("Failed to decompress point {}", i));
 
                 let mut s;
                 let mut e = 0;
                 for j in 0..$point_size / 32 {
                     s = j * 32;
                     e = (j + 1) * 32;
-                    assert_eq!(buf[s..e], expected_buf[s..e], "Buffers[{}..{}] for point {} are not eq!", s, e, i);
+                    assert_eq!(
+                        buf[s..e],
+                        expected_buf[s..e],
+                        "Buffers[{}..{}] for point {} are not eq!",
+                        s,
+                        e,
+                        i
+                    );
                 }
                 assert_eq!(buf[e..], expected_buf[e..]);
             }
@@ -211,8 +237,14 @@ loop_test_on_buffer!(
     "tests/data/point-time.las",
     28,
     LAS_HEADER_SIZE,
-    vec_of_boxed_buffer_compressors![v1::LasPoint0Compressor::default(), v1::LasGpsTimeCompressor::default()],
-    vec_of_boxed_buffer_decompressors![v1::LasPoint0Decompressor::default(), v1::LasGpsTimeDecompressor::default()]
+    vec_of_boxed_buffer_compressors![
+        v1::LasPoint0Compressor::default(),
+        v1::LasGpsTimeCompressor::default()
+    ],
+    vec_of_boxed_buffer_decompressors![
+        v1::LasPoint0Decompressor::default(),
+        v1::LasGpsTimeDecompressor::default()
+    ]
 );
 
 loop_test_on_buffer!(
@@ -220,8 +252,14 @@ loop_test_on_buffer!(
     "tests/data/point-color.las",
     26,
     LAS_HEADER_SIZE,
-    vec_of_boxed_buffer_compressors![v1::LasPoint0Compressor::default(), v1::LasRGBCompressor::default()],
-    vec_of_boxed_buffer_decompressors![v1::LasPoint0Decompressor::default(), v1::LasRGBDecompressor::default()]
+    vec_of_boxed_buffer_compressors![
+        v1::LasPoint0Compressor::default(),
+        v1::LasRGBCompressor::default()
+    ],
+    vec_of_boxed_buffer_decompressors![
+        v1::LasPoint0Decompressor::default(),
+        v1::LasRGBDecompressor::default()
+    ]
 );
 
 loop_test_on_buffer!(

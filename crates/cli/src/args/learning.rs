@@ -80,7 +80,8 @@ pub(crate) struct Train {
     pub(crate) elevation_model: Option<PathBuf>,
     /// Lines along the edges of an input, as GeoJSON or OBJ: points near them are learned as contours, whatever their labels;
     /// once for each input, in their order (recipe contours)
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["weak_labels", "spread_over", "map", "map_of", "classes"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["weak_labels", "spread_over", "map", "map_of",
+        "classes", "unlabelled", "label_dimension"])]
     pub(crate) edges: Vec<PathBuf>,
     /// Also learn from this many synthetic scenes: streets and rooms (recipe contours)
     #[arg(long, value_name = "N")]

@@ -38,7 +38,7 @@ struct ClassShare {
 /// A class of the input that is written over.
 #[derive(Debug, Serialize)]
 pub(crate) struct Replaced {
-    pub(crate) code: u8,
+    pub(crate) code: u32,
     pub(crate) name: String,
     pub(crate) points: u64,
 }
@@ -78,17 +78,13 @@ impl Summary {
 
     /// What replaces which classes of the input, and how to keep them; `None` if none is lost.
     pub(crate) fn notice(&self) -> Option<String> {
-        let list = |text: fn(&Replaced) -> String, between: &str| {
-            self.replaced.iter().map(text).collect::<Vec<_>>().join(between)
-        };
-        (!self.replaced.is_empty()).then(|| {
-            format!(
-                "{}: classes that the model does not know were replaced: {}; --keep {} keeps them",
-                self.output,
-                list(|class| format!("{} {} ({} points)", class.code, class.name, class.points), ", "),
-                list(|class| class.code.to_string(), ",")
-            )
-        })
+        let text = |class: &Replaced| format!("{} {} ({} points)", class.code, class.name, class.points);
+        let list = self.replaced.iter().map(text).collect::<Vec<_>>().join(", ");
+        let kept = self.replaced.iter().filter(|class| class.code <= 255).map(|class| class.code.to_string());
+        let kept = kept.collect::<Vec<_>>().join(",");
+        let advice = if kept.is_empty() { String::new() } else { format!("; --keep {kept} keeps them") };
+        (!self.replaced.is_empty())
+            .then(|| format!("{}: classes that the model does not know were replaced: {list}{advice}", self.output))
     }
 
     /// What goes to stdout; nothing if a table on stderr was asked for.

@@ -9,6 +9,7 @@ use scansion_core::classes::{ClassTable, LabelMap};
 use scansion_core::cloud::{Cloud, CodeScheme, Column, Values, names};
 use scansion_core::io::{self, Columns, Edit, run, salvage};
 use scansion_core::recipes::{self, ClassRules, Classified, ClassifyParams, Model};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
@@ -98,6 +99,7 @@ fn one(
         statistics: None,
         rules: Some(rules(model, args)?),
     };
+    check_kept(&cloud, args)?;
     let result = recipes::classify(&cloud, model, &params, &context.monitor)?;
     result.warnings.iter().for_each(|w| context.printer.warning(&format!("{}: {w}", input.display())));
     if builtin(args)
@@ -116,7 +118,7 @@ fn one(
         context.printer.warning(&text);
     }
     let points = cloud.len();
-    let codes = merge(&cloud, &result, map, args)?;
+    let codes = merge(&cloud, &result, map, args);
     let given = given(model, args, context)?;
     let replaced = if args.to.is_none() { replaced(&cloud, &codes, &mapped(&given, map)) } else { Vec::new() };
     let summary = Summary::new(output, &codes, &result, &given).replacing(replaced);
@@ -171,21 +173,27 @@ fn provenance(model: &Model, args: &Classify) -> Result<String, Failure> {
 }
 
 /// The codes to write: the model's, except where the user wants the old ones kept.
-///
-/// # Errors
-/// If a code that is kept is not 0 to 255.
-fn merge(cloud: &Cloud, result: &Classified, map: &LabelMap, args: &Classify) -> Result<Vec<u8>, Error> {
+fn merge(cloud: &Cloud, result: &Classified, map: &LabelMap, args: &Classify) -> Vec<u8> {
     let old = cloud.column(names::CLASSIFICATION).map(|c| &c.values);
     let open = unclassified(cloud);
     let keep = |code: u8| args.keep.contains(&code) || (args.only_unclassified && !open.contains(&code));
     let code = |(i, &new): (usize, &u8)| match old.map(|v| v.get(i)) {
-        Some(code) if code > 255.0 && args.only_unclassified => Err(Error::input(format!(
-            "point {i} has class {code}, which cannot be kept (allowed: 0 to 255); leave out --only-unclassified"
-        ))),
-        Some(code) if keep(code as u8) && code <= 255.0 => Ok(code as u8),
-        _ => Ok(map.apply(new)),
+        Some(code) if (0.0..=255.0).contains(&code) && keep(code as u8) => code as u8,
+        _ => map.apply(new),
     };
     result.codes.iter().enumerate().map(code).collect()
+}
+
+/// Fails if a class that is to be kept is above 255.
+fn check_kept(cloud: &Cloud, args: &Classify) -> Result<(), Error> {
+    let values = cloud.column(names::CLASSIFICATION).filter(|_| args.only_unclassified).map(|c| &c.values);
+    let large = values.and_then(|v| (0..v.len()).map(|i| (i, v.get(i))).find(|(_, code)| *code > 255.0));
+    match large {
+        Some((i, code)) => Err(Error::input(format!(
+            "point {i} has class {code}, which cannot be kept (allowed: 0 to 255); leave out --only-unclassified"
+        ))),
+        None => Ok(()),
+    }
 }
 
 /// The codes of points without a class.
@@ -217,16 +225,22 @@ fn written_names(classes: &ClassTable, map: &LabelMap) -> Vec<(u8, String)> {
 /// Classes of the input that are written over, but are none of the `known` ones, which a result may have.
 fn replaced(cloud: &Cloud, codes: &[u8], known: &[u8]) -> Vec<Replaced> {
     let Some(old) = cloud.column(names::CLASSIFICATION).map(|c| &c.values) else { return Vec::new() };
-    let mut counts = [0u64; 256];
+    let (mut counts, mut large) = ([0u64; 256], BTreeMap::<u32, u64>::new());
     for (i, &new) in codes.iter().enumerate() {
-        let old = old.get(i) as u8;
-        counts[usize::from(old)] += u64::from(old != new);
+        let old = old.get(i);
+        if old > 255.0 {
+            *large.entry(old as u32).or_default() += 1;
+        } else {
+            counts[usize::from(old as u8)] += u64::from(old as u8 != new);
+        }
     }
     let open = unclassified(cloud);
     let lost =
         (0u8..=255).zip(counts).filter(|(code, points)| *points > 0 && !known.contains(code) && !open.contains(code));
     let scheme = |code| ClassTable::named(&[code], cloud.scheme, &cloud.class_names);
-    lost.map(|(code, points)| Replaced { code, name: name_of(code, &scheme(code)), points }).collect()
+    let lost = lost.map(|(code, points)| Replaced { code: code.into(), name: name_of(code, &scheme(code)), points });
+    let large = large.into_iter().map(|(code, points)| Replaced { code, name: format!("class {code}"), points });
+    lost.chain(large).collect()
 }
 
 /// The dimensions that will be written, still empty.
@@ -236,10 +250,20 @@ fn dimensions(model: &Model, args: &Classify) -> Vec<Column> {
         list.extend([names::CONFIDENCE.into(), names::ENTROPY.into()]);
     }
     if args.probabilities {
-        list.extend(model.trained.classes.classes().iter().map(|class| names::probability_of(&class.name)));
+        list.extend(probabilities(model));
     }
     let own = args.to.iter().map(|name| Column::new(name, Values::U8(Vec::new())));
     own.chain(list.into_iter().map(|name| Column::new(name, Values::F32(Vec::new())))).collect()
+}
+
+/// The dimensions with the probabilities of a model's classes: `P_` and the name, or the code if an earlier class has that name.
+fn probabilities(model: &Model) -> Vec<String> {
+    let mut list: Vec<String> = Vec::new();
+    for class in model.trained.classes.classes() {
+        let name = names::probability_of(&class.name);
+        list.push(if list.contains(&name) { names::probability_of(&class.code.to_string()) } else { name });
+    }
+    list
 }
 
 fn edits(
@@ -264,9 +288,9 @@ fn edits(
     }
     if let Some(probabilities) = result.probabilities {
         let classes = model.trained.classes.classes();
-        for (c, class) in classes.iter().enumerate() {
+        for (c, name) in self::probabilities(model).into_iter().enumerate() {
             let values = probabilities.chunks_exact(classes.len()).map(|p| p[c]).collect();
-            edits.push(Edit::Dimension(Column::new(names::probability_of(&class.name), Values::F32(values))));
+            edits.push(Edit::Dimension(Column::new(name, Values::F32(values))));
         }
     }
     Ok(edits)

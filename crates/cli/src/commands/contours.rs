@@ -4,6 +4,7 @@ use super::Context;
 use crate::args::{Contours, Format};
 use crate::exit_code::Failure;
 use scansion_core::cloud::names;
+use scansion_core::evaluation::report::csv_field;
 use scansion_core::io::{self, Columns};
 use scansion_core::recipes::{self, ContourParams, Model, contours, default_contour_model};
 use scansion_core::{Error, Result};
@@ -55,7 +56,7 @@ fn layers(found: &recipes::Contours, drawing: &io::Drawing, format: Format) -> S
         *length += line.length;
     }
     if format == Format::Csv {
-        let rows = layers.iter().map(|(name, [count, length])| format!("{name},{count},{length:.3}\n"));
+        let rows = layers.iter().map(|(name, [count, length])| format!("{},{count},{length:.3}\n", csv_field(name)));
         return std::iter::once("layer,lines,metres\n".to_string()).chain(rows).collect();
     }
     let width = layers.keys().map(|name| name.chars().count()).max().unwrap_or(0).max(20);

@@ -3,7 +3,7 @@
 use super::Context;
 use super::convert::bounds;
 use super::terrain::product_params;
-use crate::args::{Filter, Format, NoiseArgs, OutlierMethod};
+use crate::args::{Filter, Format, GroundArgs, NoiseArgs, OutlierMethod};
 use crate::exit_code::Failure;
 use scansion_core::filters::{Area, FilterParams, FilterReport, RadiusParams, StatisticalParams, filter_file};
 use scansion_core::{Error, Result};
@@ -15,6 +15,10 @@ pub(crate) fn run(args: &Filter, context: &Context<'_>) -> std::result::Result<(
         let all = "--classes, --drop-classes, --outliers, --height, --bounds or --polygon";
         return Err(Failure::Usage(format!("filter: nothing to do; give {all}")));
     }
+    if args.height.is_none() && finds_ground(&args.ground) {
+        let text = "filter: --cell, --window and others about the ground need --height";
+        return Err(Failure::Usage(text.into()));
+    }
     let report = filter_file(&args.input, &args.output, &params, &context.write_options())?;
     report.notes.iter().for_each(|text| context.printer.note(text));
     context.printer.data(&match context.printer.format {
@@ -22,6 +26,13 @@ pub(crate) fn run(args: &Filter, context: &Context<'_>) -> std::result::Result<(
         Format::Csv => csv(&report),
         Format::Table => table(&report),
     })
+}
+
+/// Whether any setting about the ground is given.
+fn finds_ground(args: &GroundArgs) -> bool {
+    let GroundArgs { cell, ground_classes, ground_filter, window, slope, wall, noise_classes, .. } = args;
+    let numbers = [window, slope, wall].into_iter().any(Option::is_some) || (cell - 1.0).abs() > 0.0;
+    numbers || !ground_classes.is_empty() || *ground_filter || noise_classes.is_some()
 }
 
 fn params(args: &Filter, context: &Context<'_>) -> Result<FilterParams> {

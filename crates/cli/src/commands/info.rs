@@ -7,6 +7,7 @@ use scansion_core::Error;
 use scansion_core::classes::preset;
 use scansion_core::cloud::MetricCloud;
 use scansion_core::cloud::crs::{Unit, unit_of};
+use scansion_core::evaluation::report::csv_field;
 use scansion_core::io::salvage::{self, Losses};
 use scansion_core::io::{self, FileInfo, statistics};
 use scansion_core::voxels::planar_density;
@@ -98,7 +99,10 @@ fn salvaged(inputs: &[PathBuf], format: Format, context: &Context<'_>) -> Result
         let notes = s.losses.notes.iter().map(|n| format!("\n  {n}")).collect::<String>();
         format!("{}: {}{notes}", s.path.display(), s.losses.summary())
     };
-    let row = |s: &Salvaged| format!("{},{},{},{}\n", s.path.display(), s.losses.declared, s.losses.read, s.lost);
+    let row = |s: &Salvaged| {
+        let path = csv_field(&s.path.display().to_string());
+        format!("{path},{},{},{}\n", s.losses.declared, s.losses.read, s.lost)
+    };
     context.printer.data(&match format {
         Format::Json => serde_json::to_string_pretty(&list).unwrap_or_default(),
         Format::Csv => format!("path,declared,read,lost\n{}", list.iter().map(row).collect::<String>()),
@@ -204,12 +208,20 @@ fn foot(metres: f64) -> &'static str {
 }
 
 fn csv(described: &[Described]) -> String {
-    let mut text = "path,format,version,point_format,points\n".to_string();
-    for d in described {
-        let info = &d.info;
+    let with_stats = described.iter().any(|d| d.stats.is_some());
+    let more =
+        if with_stats { ",points_per_square_metre,spacing_metres,not_finite,duplicates,outside_bounds" } else { "" };
+    let mut text = format!("path,format,version,point_format,points{more}\n");
+    for Described { info, stats } in described {
+        let path = csv_field(&info.path.display().to_string());
         let version = info.version.as_deref().unwrap_or("");
         let format = info.point_format.map(|f| f.to_string()).unwrap_or_default();
-        let _ = writeln!(text, "{},{},{version},{format},{}", info.path.display(), info.format, info.points);
+        let _ = write!(text, "{path},{},{version},{format},{}", info.format, info.points);
+        if let Some(s) = stats {
+            let (density, spacing) = (s.points_per_square_metre, s.spacing_metres);
+            let _ = write!(text, ",{density},{spacing},{},{},{}", s.not_finite, s.duplicates, s.outside_bounds);
+        }
+        text.push('\n');
     }
     text
 }

@@ -6,6 +6,7 @@ use crate::args::{Format, RecipeArgs, Train};
 use crate::exit_code::Failure;
 use scansion_core::Error;
 use scansion_core::cloud::Cloud;
+use scansion_core::evaluation::report::csv_field;
 use scansion_core::io::{self, Columns, run};
 use scansion_core::recipes::{
     AnyRecipe, CarReport, CarTraining, ClassCount, ContoursRecipe, EdgeLines, Grid, LabelFile, LabelledCloud, Labels,
@@ -149,7 +150,8 @@ fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<V
             [one] => Error::input(format!("{}: {e}", one.display())),
             _ => e,
         })?;
-        return clouds.into_iter().zip(labels).map(|(cloud, labels)| spread(args, cloud, labels)).collect();
+        let clouds = clouds.into_iter().zip(labels).map(|(cloud, labels)| spread(args, cloud, labels));
+        return with_all_classes(&source, clouds.collect::<Result<_, Failure>>()?);
     }
     let all = inputs.len();
     let read = |(number, path): (usize, &Path)| -> Result<LabelledCloud, Failure> {
@@ -160,6 +162,11 @@ fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<V
     };
     let clouds = inputs.into_iter().enumerate().map(read).collect::<Result<Vec<_>, Failure>>()?;
     context.monitor.file(0, 0);
+    with_all_classes(&source, clouds)
+}
+
+/// The clouds, if they have all classes of `--classes`.
+fn with_all_classes(source: &LabelSource<'_>, clouds: Vec<LabelledCloud>) -> Result<Vec<LabelledCloud>, Failure> {
     match source.absent(clouds.iter().map(|labelled| &labelled.labels)) {
         Some(text) => Err(Error::input(text).into()),
         None => Ok(clouds),
@@ -218,7 +225,7 @@ fn class_rows(classes: &[ClassCount], samples: &str) -> String {
 
 /// One CSV line per class.
 fn class_csv(classes: &[ClassCount], samples: &str) -> String {
-    let line = |c: &ClassCount| format!("{},{},{},{},{}\n", c.code, c.points, c.samples, c.weight, c.name);
+    let line = |c: &ClassCount| format!("{},{},{},{},{}\n", c.code, c.points, c.samples, c.weight, csv_field(&c.name));
     std::iter::once(format!("code,points,{samples},weight,class\n")).chain(classes.iter().map(line)).collect()
 }
 

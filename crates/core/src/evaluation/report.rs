@@ -75,7 +75,13 @@ pub fn to_csv(confusion: &Confusion) -> String {
         let _ = writeln!(
             text,
             "{},{},{},{},{},{},{}",
-            l.code, l.name, l.precision, l.recall, l.f1_score, l.intersection_over_union, l.support
+            l.code,
+            csv_field(&l.name),
+            l.precision,
+            l.recall,
+            l.f1_score,
+            l.intersection_over_union,
+            l.support
         );
     }
     let _ = writeln!(text, ",overall_accuracy,{0},{0},,,{1}", s.overall_accuracy, s.points);
@@ -83,9 +89,22 @@ pub fn to_csv(confusion: &Confusion) -> String {
     text
 }
 
+/// A field of a CSV table (RFC 4180): quoted if it contains a comma, a quotation mark or a line end.
+pub fn csv_field(text: &str) -> String {
+    match text.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", text.replace('"', "\"\"")),
+        false => text.to_string(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn fields_of_csv_are_quoted_where_they_must_be() {
+        assert_eq!(["a b", "a, b", "5\" pipe"].map(csv_field), ["a b", "\"a, b\"", "\"5\"\" pipe\""]);
+    }
 
     #[test]
     fn reports_hold_the_numbers_and_the_documented_keys() {

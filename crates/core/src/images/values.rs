@@ -117,7 +117,11 @@ impl<'a> Agreement<'a> {
     fn kind(&self, point: usize) -> usize {
         let (truth, named) = (self.truth.get(point), self.prediction.get(point));
         // Negative or NaN means no label.
-        match truth >= 0.0 && self.compared[usize::from(truth as u8)] {
+        let chosen = |truth: f64| match self.compared.get(truth as usize) {
+            Some(&chosen) => chosen,
+            None => self.compared.iter().all(|&chosen| chosen),
+        };
+        match truth >= 0.0 && chosen(truth) {
             true => usize::from((truth - named).abs() > 0.0 || named.is_nan()),
             false => 2,
         }
@@ -175,7 +179,7 @@ impl<'a> Paint<'a> {
         let values = cloud.column(names::CLASSIFICATION).map(|c| &c.values);
         let mut counts = vec![0u64; 256];
         for points in watched(cloud.len(), monitor) {
-            points?.for_each(|i| counts[values.map_or(0, |v| usize::from(v.get(i) as u8))] += 1);
+            points?.for_each(|i| counts[usize::from(code_of(values, i))] += 1);
         }
         let of = |code: u8| class_of(cloud, classes, code);
         Ok(Self::Classes { values, table: (0..=255).map(of).collect(), counts })
@@ -222,9 +226,7 @@ impl<'a> Paint<'a> {
     pub(super) fn colour(&self, cloud: &Cloud, point: u32) -> [f32; 3] {
         let i = point as usize;
         match self {
-            Self::Classes { values, table, .. } => {
-                table[values.map_or(0, |v| usize::from(v.get(i) as u8))].colour.map(f32::from)
-            }
+            Self::Classes { values, table, .. } => table[usize::from(code_of(*values, i))].colour.map(f32::from),
             Self::Ramp { values, low, high, .. } => {
                 let value = values.map_or_else(|| cloud.xyz(i)[2], |v| v.get(i));
                 ramp((value - low) / (high - low))
@@ -262,5 +264,13 @@ impl<'a> Paint<'a> {
             Self::Change(change) => change.entries(),
             _ => Vec::new(),
         }
+    }
+}
+
+/// The class of a point; codes above 255 are drawn as 0, without a class.
+fn code_of(values: Option<&Values>, point: usize) -> u8 {
+    match values.map_or(0.0, |v| v.get(point)) {
+        code if code > 255.0 => 0,
+        code => code as u8,
     }
 }

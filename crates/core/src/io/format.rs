@@ -33,12 +33,12 @@ pub fn is_cloud_name(path: &Path) -> bool {
     WRITTEN.contains(&extension(path).as_str())
 }
 
-/// Whether the name has the extension of LAS or LAZ.
 /// Whether the name is that of a file of class codes alone.
 pub(super) fn is_label_name(path: &Path) -> bool {
     ["labels", "label"].contains(&extension(path).as_str())
 }
 
+/// Whether the name has the extension of LAS or LAZ.
 pub(super) fn is_las_name(path: &Path) -> bool {
     ["las", "laz"].contains(&extension(path).as_str())
 }

@@ -42,7 +42,9 @@ pub struct ExtraBytes {
 
 impl ExtraBytes {
     pub fn new(count: usize) -> Self {
-        Self { bytes: vec![0u8; count] }
+        Self {
+            bytes: vec![0u8; count],
+        }
     }
 }
 
@@ -85,7 +87,10 @@ pub mod v1 {
                 last_bytes: vec![0u8; count],
                 count,
                 diffs: vec![0u8; count],
-                models: (0..count).into_iter().map(|_i| ArithmeticModelBuilder::new(256).build()).collect(),
+                models: (0..count)
+                    .into_iter()
+                    .map(|_i| ArithmeticModelBuilder::new(256).build())
+                    .collect(),
             }
         }
     }
@@ -100,7 +105,11 @@ pub mod v1 {
             dst.write_all(buf)
         }
 
-        fn compress_with(&mut self, encoder: &mut ArithmeticEncoder<W>, buf: &[u8]) -> std::io::Result<()> {
+        fn compress_with(
+            &mut self,
+            encoder: &mut ArithmeticEncoder<W>,
+            buf: &[u8],
+        ) -> std::io::Result<()> {
             let current_bytes = buf;
             for i in 0..self.count {
                 self.diffs[i] = (current_bytes[i]).wrapping_sub(self.last_bytes[i]);
@@ -126,7 +135,9 @@ pub mod v1 {
                 last_bytes: vec![0u8; count],
                 count,
                 diffs: vec![0u8; count],
-                models: (0..count).map(|_i| ArithmeticModelBuilder::new(256).build()).collect(),
+                models: (0..count)
+                    .map(|_i| ArithmeticModelBuilder::new(256).build())
+                    .collect(),
             }
         }
     }
@@ -142,7 +153,11 @@ pub mod v1 {
             Ok(())
         }
 
-        fn decompress_with(&mut self, decoder: &mut ArithmeticDecoder<R>, buf: &mut [u8]) -> std::io::Result<()> {
+        fn decompress_with(
+            &mut self,
+            decoder: &mut ArithmeticDecoder<R>,
+            buf: &mut [u8],
+        ) -> std::io::Result<()> {
             for i in 0..self.count {
                 let sym = decoder.decode_symbol(&mut self.models[i])? as u8;
                 self.diffs[i] = self.last_bytes[i].wrapping_add(sym);
@@ -183,7 +198,12 @@ mod v3_v4 {
 
     impl ExtraBytesContext {
         pub fn new(count: usize) -> Self {
-            Self { models: (0..count).map(|_i| ArithmeticModelBuilder::new(256).build()).collect(), unused: true }
+            Self {
+                models: (0..count)
+                    .map(|_i| ArithmeticModelBuilder::new(256).build())
+                    .collect(),
+                unused: true,
+            }
         }
     }
 
@@ -204,7 +224,9 @@ mod v3_v4 {
     impl<const VERSION: usize> LasExtraByteDecompressorImpl<VERSION> {
         pub fn new(count: usize) -> Self {
             Self {
-                decoders: (0..count).map(|_i| ArithmeticDecoder::new(Cursor::new(Vec::<u8>::new()))).collect(),
+                decoders: (0..count)
+                    .map(|_i| ArithmeticDecoder::new(Cursor::new(Vec::<u8>::new())))
+                    .collect(),
                 num_bytes_per_layer: vec![0; count],
                 is_requested: vec![true; count],
                 should_load_bytes: vec![true; count],
@@ -216,13 +238,16 @@ mod v3_v4 {
         }
     }
 
-    impl<const VERSION: usize, R: Read + Seek> LayeredFieldDecompressor<R> for LasExtraByteDecompressorImpl<VERSION> {
+    impl<const VERSION: usize, R: Read + Seek> LayeredFieldDecompressor<R>
+        for LasExtraByteDecompressorImpl<VERSION>
+    {
         fn size_of_field(&self) -> usize {
             self.num_extra_bytes
         }
 
         fn set_selection(&mut self, selection: DecompressionSelection) {
-            self.is_requested.fill(selection.should_decompress_extra_bytes());
+            self.is_requested
+                .fill(selection.should_decompress_extra_bytes());
         }
 
         fn init_first_point(
@@ -243,7 +268,11 @@ mod v3_v4 {
             Ok(())
         }
 
-        fn decompress_field_with(&mut self, current_point: &mut [u8], context: &mut usize) -> std::io::Result<()> {
+        fn decompress_field_with(
+            &mut self,
+            current_point: &mut [u8],
+            context: &mut usize,
+        ) -> std::io::Result<()> {
             // Index of the last item used as prediction
             let mut last_idx = self.last_context_used;
 
@@ -313,7 +342,9 @@ mod v3_v4 {
     impl<const VERSION: usize> LasExtraByteCompressorImpl<VERSION> {
         pub fn new(count: usize) -> Self {
             Self {
-                encoders: (0..count).map(|_i| ArithmeticEncoder::new(Cursor::new(Vec::<u8>::new()))).collect(),
+                encoders: (0..count)
+                    .map(|_i| ArithmeticEncoder::new(Cursor::new(Vec::<u8>::new())))
+                    .collect(),
                 has_byte_changed: vec![false; count],
                 contexts: (0..4).map(|_i| ExtraBytesContext::new(count)).collect(),
                 last_bytes: (0..4).map(|_i| ExtraBytes::new(count)).collect(),
@@ -323,12 +354,19 @@ mod v3_v4 {
         }
     }
 
-    impl<const VERSION: usize, W: Write> LayeredFieldCompressor<W> for LasExtraByteCompressorImpl<VERSION> {
+    impl<const VERSION: usize, W: Write> LayeredFieldCompressor<W>
+        for LasExtraByteCompressorImpl<VERSION>
+    {
         fn size_of_field(&self) -> usize {
             self.num_extra_bytes
         }
 
-        fn init_first_point(&mut self, dst: &mut W, first_point: &[u8], context: &mut usize) -> std::io::Result<()> {
+        fn init_first_point(
+            &mut self,
+            dst: &mut W,
+            first_point: &[u8],
+            context: &mut usize,
+        ) -> std::io::Result<()> {
             for eb_context in &mut self.contexts {
                 eb_context.unused = true;
             }
@@ -340,7 +378,11 @@ mod v3_v4 {
             Ok(())
         }
 
-        fn compress_field_with(&mut self, current_point: &[u8], context: &mut usize) -> std::io::Result<()> {
+        fn compress_field_with(
+            &mut self,
+            current_point: &[u8],
+            context: &mut usize,
+        ) -> std::io::Result<()> {
             // Index of the last item used as prediction
             let mut last_idx = self.last_context_used;
 
@@ -377,9 +419,17 @@ mod v3_v4 {
         }
 
         fn write_layers_sizes(&mut self, dst: &mut W) -> std::io::Result<()> {
-            for (encoder, has_changed) in self.encoders.iter_mut().zip(self.has_byte_changed.iter().copied()) {
+            for (encoder, has_changed) in self
+                .encoders
+                .iter_mut()
+                .zip(self.has_byte_changed.iter().copied())
+            {
                 encoder.done()?;
-                let num_bytes = if has_changed { encoder.get_mut().get_ref().len() as u32 } else { 0 };
+                let num_bytes = if has_changed {
+                    encoder.get_mut().get_ref().len() as u32
+                } else {
+                    0
+                };
                 dst.write_u32::<LittleEndian>(num_bytes)?;
             }
 
@@ -387,7 +437,11 @@ mod v3_v4 {
         }
 
         fn write_layers(&mut self, dst: &mut W) -> std::io::Result<()> {
-            for (encoder, has_changed) in self.encoders.iter_mut().zip(self.has_byte_changed.iter().copied()) {
+            for (encoder, has_changed) in self
+                .encoders
+                .iter_mut()
+                .zip(self.has_byte_changed.iter().copied())
+            {
                 if has_changed {
                     copy_encoder_content_to(encoder, dst)?;
                 }

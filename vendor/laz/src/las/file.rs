@@ -44,7 +44,16 @@ impl QuickHeader {
         };
 
         src.seek(SeekFrom::Start(header_size as u64))?;
-        Ok(Self { major, minor, offset_to_points, num_vlrs, point_format_id, point_size, num_points, header_size })
+        Ok(Self {
+            major,
+            minor,
+            offset_to_points,
+            num_vlrs,
+            point_format_id,
+            point_size,
+            num_points,
+            header_size,
+        })
     }
 
     pub fn num_extra_bytes(&self) -> u16 {
@@ -88,7 +97,12 @@ impl Vlr {
         data.resize(record_length as usize, 0);
         src.read_exact(&mut data)?;
 
-        Ok(Self { user_id, record_id, description, data })
+        Ok(Self {
+            user_id,
+            record_id,
+            description,
+            data,
+        })
     }
 }
 
@@ -97,7 +111,8 @@ pub fn read_vlrs_and_get_laszip_vlr<R: Read>(src: &mut R, header: &QuickHeader) 
     for _i in 0..header.num_vlrs {
         let vlr = Vlr::read_from(src).unwrap();
         if vlr.record_id == 22204
-            && String::from_utf8_lossy(&vlr.user_id).trim_end_matches(|c| c as u8 == 0) == "laszip encoded"
+            && String::from_utf8_lossy(&vlr.user_id).trim_end_matches(|c| c as u8 == 0)
+                == "laszip encoded"
         {
             laszip_vlr = Some(LazVlr::read_from(vlr.data.as_slice()).unwrap());
         }
@@ -105,7 +120,9 @@ pub fn read_vlrs_and_get_laszip_vlr<R: Read>(src: &mut R, header: &QuickHeader) 
     laszip_vlr
 }
 
-pub fn read_header_and_vlrs<R: Read + Seek>(src: &mut R) -> std::io::Result<(QuickHeader, Option<LazVlr>)> {
+pub fn read_header_and_vlrs<R: Read + Seek>(
+    src: &mut R,
+) -> std::io::Result<(QuickHeader, Option<LazVlr>)> {
     let hdr = QuickHeader::read_from(src)?;
     src.seek(SeekFrom::Start(hdr.header_size as u64))?;
     let laz_vlr = read_vlrs_and_get_laszip_vlr(src, &hdr);
@@ -159,16 +176,26 @@ impl<'a> SimpleReader<'a> {
         src.seek(SeekFrom::Start(header.header_size as u64))?;
         let laszip_vlr = read_vlrs_and_get_laszip_vlr(&mut src, &header);
         src.seek(SeekFrom::Start(header.offset_to_points as u64))?;
-        let point_reader: Box<dyn LasPointReader> = if is_point_format_compressed(header.point_format_id) {
-            Box::new(
-                LasZipDecompressor::new(src, laszip_vlr.expect("Compressed data, but no Laszip Vlr found")).unwrap(),
-            )
-        } else {
-            Box::new(RawPointReader { src })
-        };
+        let point_reader: Box<dyn LasPointReader> =
+            if is_point_format_compressed(header.point_format_id) {
+                Box::new(
+                    LasZipDecompressor::new(
+                        src,
+                        laszip_vlr.expect("Compressed data, but no Laszip Vlr found"),
+                    )
+                    .unwrap(),
+                )
+            } else {
+                Box::new(RawPointReader { src })
+            };
         header.point_format_id = point_format_id_compressed_to_uncompressd(header.point_format_id);
         let internal_buffer = vec![0u8; header.point_size as usize];
-        Ok(Self { header, point_reader, internal_buffer, current_index: 0 })
+        Ok(Self {
+            header,
+            point_reader,
+            internal_buffer,
+            current_index: 0,
+        })
     }
 
     pub fn read_next(&mut self) -> Option<std::io::Result<&[u8]>> {
@@ -187,7 +214,10 @@ impl<'a> SimpleReader<'a> {
     pub fn read_to_end(&mut self, buf: &mut Vec<u8>) -> std::io::Result<usize> {
         assert!(buf.is_empty());
         let mut num_read = 0usize;
-        buf.resize(self.header.num_points as usize * self.header.point_size as usize, 0u8);
+        buf.resize(
+            self.header.num_points as usize * self.header.point_size as usize,
+            0u8,
+        );
         let slc = buf.as_mut_slice();
         while let Some(point) = self.read_next() {
             let point = point?;

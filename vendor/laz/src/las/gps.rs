@@ -34,8 +34,10 @@ use crate::packers::Packable;
 
 const LASZIP_GPS_TIME_MULTI: i32 = 500;
 const LASZIP_GPS_TIME_MULTI_MINUS: i32 = -10;
-const LASZIP_GPS_TIME_MULTI_UNCHANGED: i32 = LASZIP_GPS_TIME_MULTI - LASZIP_GPS_TIME_MULTI_MINUS + 1;
-const LASZIP_GPS_TIME_MULTI_CODE_FULL: i32 = LASZIP_GPS_TIME_MULTI - LASZIP_GPS_TIME_MULTI_MINUS + 2;
+const LASZIP_GPS_TIME_MULTI_UNCHANGED: i32 =
+    LASZIP_GPS_TIME_MULTI - LASZIP_GPS_TIME_MULTI_MINUS + 1;
+const LASZIP_GPS_TIME_MULTI_CODE_FULL: i32 =
+    LASZIP_GPS_TIME_MULTI - LASZIP_GPS_TIME_MULTI_MINUS + 2;
 
 /// Changes of the sequence that a decoder follows within one point before it takes the bytes for damaged. An encoder writes
 /// at most one. (scansion)
@@ -43,7 +45,10 @@ pub(crate) const MOST_SEQUENCE_CHANGES: usize = 64;
 
 /// The error for more changes of the sequence than that. (scansion)
 pub(crate) fn endless_sequence_changes() -> std::io::Error {
-    std::io::Error::new(std::io::ErrorKind::InvalidData, "GPS times that change their sequence without end")
+    std::io::Error::new(
+        std::io::ErrorKind::InvalidData,
+        "GPS times that change their sequence without end",
+    )
 }
 
 const LASZIP_GPS_TIME_MULTI_TOTAL: i32 = LASZIP_GPS_TIME_MULTI - LASZIP_GPS_TIME_MULTI_MINUS + 6;
@@ -70,7 +75,9 @@ pub struct GpsTime {
 
 impl From<f64> for GpsTime {
     fn from(v: f64) -> Self {
-        Self { value: v.to_bits() as i64 }
+        Self {
+            value: v.to_bits() as i64,
+        }
     }
 }
 
@@ -134,26 +141,43 @@ impl LasGpsTime for GpsTime {
 
 impl Packable for GpsTime {
     fn unpack_from(input: &[u8]) -> Self {
-        assert!(input.len() >= 8, "GpsTime::unpack_from expected a buffer of 8 bytes");
+        assert!(
+            input.len() >= 8,
+            "GpsTime::unpack_from expected a buffer of 8 bytes"
+        );
         unsafe { Self::unpack_from_unchecked(input) }
     }
 
     fn pack_into(&self, output: &mut [u8]) {
-        assert!(output.len() >= 8, "GpsTime::pack_into expected a buffer of 8 bytes");
+        assert!(
+            output.len() >= 8,
+            "GpsTime::pack_into expected a buffer of 8 bytes"
+        );
         unsafe { self.pack_into_unchecked(output) }
     }
 
     unsafe fn unpack_from_unchecked(input: &[u8]) -> Self {
-        debug_assert!(input.len() >= 8, "GpsTime::unpack_from expected a buffer of 8 bytes");
+        debug_assert!(
+            input.len() >= 8,
+            "GpsTime::unpack_from expected a buffer of 8 bytes"
+        );
         let lower = u32::unpack_from_unchecked(input.get_unchecked(0..4));
         let upper = u32::unpack_from_unchecked(input.get_unchecked(4..8));
 
-        GpsTime { value: i64::from(upper) << 32 | i64::from(lower) }
+        GpsTime {
+            value: i64::from(upper) << 32 | i64::from(lower),
+        }
     }
 
     unsafe fn pack_into_unchecked(&self, output: &mut [u8]) {
-        debug_assert!(output.len() >= 8, "GpsTime::pack_into expected a buffer of 8 bytes");
-        u32::pack_into_unchecked(&((self.value & 0xFFFF_FFFF) as u32), output.get_unchecked_mut(0..4));
+        debug_assert!(
+            output.len() >= 8,
+            "GpsTime::pack_into expected a buffer of 8 bytes"
+        );
+        u32::pack_into_unchecked(
+            &((self.value & 0xFFFF_FFFF) as u32),
+            output.get_unchecked_mut(0..4),
+        );
         u32::pack_into_unchecked(&((self.value >> 32) as u32), output.get_unchecked_mut(4..8));
     }
 }
@@ -163,7 +187,9 @@ pub mod v1 {
 
     use num_traits::clamp;
 
-    use crate::compressors::{IntegerCompressor, IntegerCompressorBuilder, DEFAULT_COMPRESS_CONTEXTS};
+    use crate::compressors::{
+        IntegerCompressor, IntegerCompressorBuilder, DEFAULT_COMPRESS_CONTEXTS,
+    };
     use crate::decoders::ArithmeticDecoder;
     use crate::decompressors::{IntegerDecompressor, IntegerDecompressorBuilder};
     use crate::encoders::ArithmeticEncoder;
@@ -190,9 +216,13 @@ pub mod v1 {
         fn default() -> Self {
             Self {
                 last_gps: 0,
-                gps_time_multi_model: ArithmeticModelBuilder::new(LASZIP_GPS_TIME_MULTI_MAX).build(),
+                gps_time_multi_model: ArithmeticModelBuilder::new(LASZIP_GPS_TIME_MULTI_MAX)
+                    .build(),
                 gps_time_0_diff_model: ArithmeticModelBuilder::new(3).build(),
-                ic_gps_time: IntegerDecompressorBuilder::new().bits(32).contexts(6).build_initialized(),
+                ic_gps_time: IntegerDecompressorBuilder::new()
+                    .bits(32)
+                    .contexts(6)
+                    .build_initialized(),
                 multi_extreme_counter: 0,
                 last_gps_time_diff: 0,
             }
@@ -212,9 +242,13 @@ pub mod v1 {
         fn default() -> Self {
             Self {
                 last_gps: 0,
-                gps_time_multi_model: ArithmeticModelBuilder::new(LASZIP_GPS_TIME_MULTI_MAX).build(),
+                gps_time_multi_model: ArithmeticModelBuilder::new(LASZIP_GPS_TIME_MULTI_MAX)
+                    .build(),
                 gps_time_0_diff_model: ArithmeticModelBuilder::new(3).build(),
-                ic_gps_time: IntegerCompressorBuilder::new().bits(32).contexts(6).build_initialized(),
+                ic_gps_time: IntegerCompressorBuilder::new()
+                    .bits(32)
+                    .contexts(6)
+                    .build_initialized(),
                 multi_extreme_counter: 0,
                 last_gps_time_diff: 0,
             }
@@ -231,7 +265,11 @@ pub mod v1 {
             dst.write_all(buf)
         }
 
-        fn compress_with(&mut self, mut encoder: &mut ArithmeticEncoder<W>, buf: &[u8]) -> std::io::Result<()> {
+        fn compress_with(
+            &mut self,
+            mut encoder: &mut ArithmeticEncoder<W>,
+            buf: &[u8],
+        ) -> std::io::Result<()> {
             let current_point = GpsTime::unpack_from(buf);
             let current_gps_time_value = current_point.gps_time().to_bits() as i64;
 
@@ -262,15 +300,19 @@ pub mod v1 {
                 //difference was not zero
                 if current_gps_time_value == self.last_gps {
                     // if the doubles have not changed use a special symbol
-                    encoder.encode_symbol(&mut self.gps_time_multi_model, LASZIP_GPS_TIME_MULTI_MAX - 1)?;
+                    encoder.encode_symbol(
+                        &mut self.gps_time_multi_model,
+                        LASZIP_GPS_TIME_MULTI_MAX - 1,
+                    )?;
                 } else {
                     let current_gps_time_diff_64 = current_gps_time_value - self.last_gps;
                     let current_gps_time_diff_32 = current_gps_time_diff_64 as i32;
 
                     if current_gps_time_diff_64 == i64::from(current_gps_time_diff_32) {
                         // compute multiplier between current and last integer difference
-                        let mut multi =
-                            ((current_gps_time_diff_32 as f32 / (self.last_gps_time_diff as f32)) + 0.5f32) as i32;
+                        let mut multi = ((current_gps_time_diff_32 as f32
+                            / (self.last_gps_time_diff as f32))
+                            + 0.5f32) as i32;
 
                         // limit the multiplier into some bounds
                         multi = clamp(multi, 0, (LASZIP_GPS_TIME_MULTI_MAX - 3) as i32);
@@ -331,7 +373,10 @@ pub mod v1 {
                         // Note original code says '-2' but looking at the decompress
                         // shouldn't it be '-1' (or vice versa) ?
                         // if difference is so huge ... we simply write the double
-                        encoder.encode_symbol(&mut self.gps_time_multi_model, LASZIP_GPS_TIME_MULTI_MAX - 2)?;
+                        encoder.encode_symbol(
+                            &mut self.gps_time_multi_model,
+                            LASZIP_GPS_TIME_MULTI_MAX - 2,
+                        )?;
                         encoder.write_int64(current_gps_time_value as u64)?;
                     }
                 }
@@ -351,7 +396,11 @@ pub mod v1 {
             Ok(())
         }
 
-        fn decompress_with(&mut self, mut decoder: &mut ArithmeticDecoder<R>, buf: &mut [u8]) -> std::io::Result<()> {
+        fn decompress_with(
+            &mut self,
+            mut decoder: &mut ArithmeticDecoder<R>,
+            buf: &mut [u8],
+        ) -> std::io::Result<()> {
             let multi;
             if self.last_gps_time_diff == 0 {
                 multi = decoder.decode_symbol(&mut self.gps_time_0_diff_model)?;
@@ -370,11 +419,19 @@ pub mod v1 {
                 if multi < LASZIP_GPS_TIME_MULTI_MAX - 2 {
                     let gps_time_diff: i32;
                     if multi == 1 {
-                        gps_time_diff = self.ic_gps_time.decompress(&mut decoder, self.last_gps_time_diff, 1)?;
+                        gps_time_diff = self.ic_gps_time.decompress(
+                            &mut decoder,
+                            self.last_gps_time_diff,
+                            1,
+                        )?;
                         self.last_gps_time_diff = gps_time_diff;
                         self.multi_extreme_counter = 0;
                     } else if multi == 0 {
-                        gps_time_diff = self.ic_gps_time.decompress(&mut decoder, self.last_gps_time_diff / 4, 2)?;
+                        gps_time_diff = self.ic_gps_time.decompress(
+                            &mut decoder,
+                            self.last_gps_time_diff / 4,
+                            2,
+                        )?;
                         self.multi_extreme_counter += 1;
                         if self.multi_extreme_counter > 3 {
                             self.last_gps_time_diff = gps_time_diff;
@@ -446,7 +503,8 @@ pub mod v2 {
     impl Common {
         pub fn new() -> Self {
             Self {
-                gps_time_multi: ArithmeticModelBuilder::new(LASZIP_GPS_TIME_MULTI_TOTAL as u32).build(),
+                gps_time_multi: ArithmeticModelBuilder::new(LASZIP_GPS_TIME_MULTI_TOTAL as u32)
+                    .build(),
                 gps_time_0_diff: ArithmeticModelBuilder::new(6).build(),
                 last: 0,
                 next: 0,
@@ -465,7 +523,10 @@ pub mod v2 {
     impl Default for GpsTimeCompressor {
         fn default() -> Self {
             Self {
-                ic_gps_time: IntegerCompressorBuilder::new().bits(32).contexts(9).build_initialized(),
+                ic_gps_time: IntegerCompressorBuilder::new()
+                    .bits(32)
+                    .contexts(9)
+                    .build_initialized(),
                 common: Common::new(),
             }
         }
@@ -481,38 +542,69 @@ pub mod v2 {
             dst.write_all(buf)
         }
 
-        fn compress_with(&mut self, mut encoder: &mut ArithmeticEncoder<W>, buf: &[u8]) -> std::io::Result<()> {
+        fn compress_with(
+            &mut self,
+            mut encoder: &mut ArithmeticEncoder<W>,
+            buf: &[u8],
+        ) -> std::io::Result<()> {
             let this_val = GpsTime::unpack_from(&buf);
             debug_assert!(self.common.last < 4);
             unsafe {
-                if *self.common.last_gps_time_diffs.get_unchecked(self.common.last) == 0 {
-                    if this_val.value == self.common.last_gps_times.get_unchecked(self.common.last).value {
+                if *self
+                    .common
+                    .last_gps_time_diffs
+                    .get_unchecked(self.common.last)
+                    == 0
+                {
+                    if this_val.value
+                        == self
+                            .common
+                            .last_gps_times
+                            .get_unchecked(self.common.last)
+                            .value
+                    {
                         encoder.encode_symbol(&mut self.common.gps_time_0_diff, 0)?;
                     } else {
                         // calculate the difference between the two doubles as an integer
-                        let curr_gps_time_diff_64 = this_val
-                            .value
-                            .wrapping_sub(self.common.last_gps_times.get_unchecked(self.common.last).value);
+                        let curr_gps_time_diff_64 = this_val.value.wrapping_sub(
+                            self.common
+                                .last_gps_times
+                                .get_unchecked(self.common.last)
+                                .value,
+                        );
                         let curr_gps_time_diff_32 = curr_gps_time_diff_64 as i32;
 
                         if curr_gps_time_diff_64 == i64::from(curr_gps_time_diff_32) {
                             // this difference is small enough to be represented with 32 bits
                             encoder.encode_symbol(&mut self.common.gps_time_0_diff, 1)?;
-                            self.ic_gps_time.compress(&mut encoder, 0, curr_gps_time_diff_32, 0)?;
-                            *self.common.last_gps_time_diffs.get_unchecked_mut(self.common.last) =
-                                curr_gps_time_diff_32;
-                            *self.common.multi_extreme_counters.get_unchecked_mut(self.common.last) = 0;
+                            self.ic_gps_time
+                                .compress(&mut encoder, 0, curr_gps_time_diff_32, 0)?;
+                            *self
+                                .common
+                                .last_gps_time_diffs
+                                .get_unchecked_mut(self.common.last) = curr_gps_time_diff_32;
+                            *self
+                                .common
+                                .multi_extreme_counters
+                                .get_unchecked_mut(self.common.last) = 0;
                         } else {
                             // the difference is huge
                             // maybe the double belongs to another time sequence
                             for i in 1..4 {
                                 let other_gps_time_diff_64 = this_val.value
-                                    - self.common.last_gps_times.get_unchecked((self.common.last + i) & 3).value;
+                                    - self
+                                        .common
+                                        .last_gps_times
+                                        .get_unchecked((self.common.last + i) & 3)
+                                        .value;
                                 let other_gps_time_diff_32 = other_gps_time_diff_64 as i32;
 
                                 if other_gps_time_diff_64 == i64::from(other_gps_time_diff_32) {
                                     // it belongs to another sequence
-                                    encoder.encode_symbol(&mut self.common.gps_time_0_diff, (i + 2) as u32)?;
+                                    encoder.encode_symbol(
+                                        &mut self.common.gps_time_0_diff,
+                                        (i + 2) as u32,
+                                    )?;
                                     self.common.last = (self.common.last + i) & 3;
                                     return self.compress_with(&mut encoder, buf);
                                 }
@@ -521,7 +613,12 @@ pub mod v2 {
                             encoder.encode_symbol(&mut self.common.gps_time_0_diff, 2)?;
                             self.ic_gps_time.compress(
                                 &mut encoder,
-                                (self.common.last_gps_times.get_unchecked(self.common.last).value >> 32) as i32,
+                                (self
+                                    .common
+                                    .last_gps_times
+                                    .get_unchecked(self.common.last)
+                                    .value
+                                    >> 32) as i32,
                                 (this_val.value >> 32) as i32,
                                 8,
                             )?;
@@ -530,28 +627,53 @@ pub mod v2 {
 
                             self.common.next = (self.common.next + 1) & 3;
                             self.common.last = self.common.next;
-                            *self.common.last_gps_time_diffs.get_unchecked_mut(self.common.last) = 0;
-                            *self.common.multi_extreme_counters.get_unchecked_mut(self.common.last) = 0;
+                            *self
+                                .common
+                                .last_gps_time_diffs
+                                .get_unchecked_mut(self.common.last) = 0;
+                            *self
+                                .common
+                                .multi_extreme_counters
+                                .get_unchecked_mut(self.common.last) = 0;
                         }
-                        *self.common.last_gps_times.get_unchecked_mut(self.common.last) = this_val;
+                        *self
+                            .common
+                            .last_gps_times
+                            .get_unchecked_mut(self.common.last) = this_val;
                     }
                 } else {
                     //the last integer difference was *not* zero
-                    if this_val.value == self.common.last_gps_times.get_unchecked(self.common.last).value {
+                    if this_val.value
+                        == self
+                            .common
+                            .last_gps_times
+                            .get_unchecked(self.common.last)
+                            .value
+                    {
                         // if the doubles have not changed use a special symbol
-                        encoder
-                            .encode_symbol(&mut self.common.gps_time_multi, LASZIP_GPS_TIME_MULTI_UNCHANGED as u32)?;
+                        encoder.encode_symbol(
+                            &mut self.common.gps_time_multi,
+                            LASZIP_GPS_TIME_MULTI_UNCHANGED as u32,
+                        )?;
                     } else {
                         // the last integer difference was *not* zero
-                        let curr_gps_time_diff_64 =
-                            this_val.value - self.common.last_gps_times.get_unchecked(self.common.last).value;
+                        let curr_gps_time_diff_64 = this_val.value
+                            - self
+                                .common
+                                .last_gps_times
+                                .get_unchecked(self.common.last)
+                                .value;
                         let curr_gps_time_diff_32 = curr_gps_time_diff_64 as i32;
 
                         // if the current gps time difference can be represented with 32 bits
                         if curr_gps_time_diff_64 == i64::from(curr_gps_time_diff_32) {
                             // compute multiplier between current and last integer difference
                             let multi_f = curr_gps_time_diff_32 as f32
-                                / *self.common.last_gps_time_diffs.get_unchecked(self.common.last) as f32;
+                                / *self
+                                    .common
+                                    .last_gps_time_diffs
+                                    .get_unchecked(self.common.last)
+                                    as f32;
                             let multi = i32_quantize(multi_f);
 
                             // compress the residual curr_gps_time_diff in dependance on the multiplier
@@ -560,31 +682,48 @@ pub mod v2 {
                                 encoder.encode_symbol(&mut self.common.gps_time_multi, 1)?;
                                 self.ic_gps_time.compress(
                                     &mut encoder,
-                                    *self.common.last_gps_time_diffs.get_unchecked(self.common.last),
+                                    *self
+                                        .common
+                                        .last_gps_time_diffs
+                                        .get_unchecked(self.common.last),
                                     curr_gps_time_diff_32,
                                     1,
                                 )?;
-                                *self.common.multi_extreme_counters.get_unchecked_mut(self.common.last) = 0;
+                                *self
+                                    .common
+                                    .multi_extreme_counters
+                                    .get_unchecked_mut(self.common.last) = 0;
                             } else if multi > 0 {
                                 if multi < LASZIP_GPS_TIME_MULTI {
                                     // positive multipliers up to LASZIP_GPSTIME_MULTI are compressed directly
-                                    encoder.encode_symbol(&mut self.common.gps_time_multi, multi as u32)?;
+                                    encoder.encode_symbol(
+                                        &mut self.common.gps_time_multi,
+                                        multi as u32,
+                                    )?;
                                     let context = if multi < 10 { 2u32 } else { 3u32 };
                                     self.ic_gps_time.compress(
                                         &mut encoder,
                                         multi.wrapping_mul(
-                                            *self.common.last_gps_time_diffs.get_unchecked(self.common.last),
+                                            *self
+                                                .common
+                                                .last_gps_time_diffs
+                                                .get_unchecked(self.common.last),
                                         ),
                                         curr_gps_time_diff_32,
                                         context,
                                     )?;
                                 } else {
-                                    encoder
-                                        .encode_symbol(&mut self.common.gps_time_multi, LASZIP_GPS_TIME_MULTI as u32)?;
+                                    encoder.encode_symbol(
+                                        &mut self.common.gps_time_multi,
+                                        LASZIP_GPS_TIME_MULTI as u32,
+                                    )?;
                                     self.ic_gps_time.compress(
                                         &mut encoder,
                                         LASZIP_GPS_TIME_MULTI.wrapping_mul(
-                                            *self.common.last_gps_time_diffs.get_unchecked(self.common.last),
+                                            *self
+                                                .common
+                                                .last_gps_time_diffs
+                                                .get_unchecked(self.common.last),
                                         ),
                                         curr_gps_time_diff_32,
                                         4,
@@ -594,7 +733,8 @@ pub mod v2 {
                                         &mut self.common.multi_extreme_counters[self.common.last];
                                     *multi_extreme_counter += 1;
                                     if *multi_extreme_counter > 3 {
-                                        self.common.last_gps_time_diffs[self.common.last] = curr_gps_time_diff_32;
+                                        self.common.last_gps_time_diffs[self.common.last] =
+                                            curr_gps_time_diff_32;
                                         *multi_extreme_counter = 0;
                                     }
                                 }
@@ -607,19 +747,23 @@ pub mod v2 {
                                     )?;
                                     self.ic_gps_time.compress(
                                         &mut encoder,
-                                        multi.wrapping_mul(self.common.last_gps_time_diffs[self.common.last]),
+                                        multi.wrapping_mul(
+                                            self.common.last_gps_time_diffs[self.common.last],
+                                        ),
                                         curr_gps_time_diff_32,
                                         5,
                                     )?;
                                 } else {
                                     encoder.encode_symbol(
                                         &mut self.common.gps_time_multi,
-                                        (LASZIP_GPS_TIME_MULTI - LASZIP_GPS_TIME_MULTI_MINUS) as u32,
+                                        (LASZIP_GPS_TIME_MULTI - LASZIP_GPS_TIME_MULTI_MINUS)
+                                            as u32,
                                     )?;
                                     self.ic_gps_time.compress(
                                         &mut encoder,
-                                        LASZIP_GPS_TIME_MULTI_MINUS
-                                            .wrapping_mul(self.common.last_gps_time_diffs[self.common.last]),
+                                        LASZIP_GPS_TIME_MULTI_MINUS.wrapping_mul(
+                                            self.common.last_gps_time_diffs[self.common.last],
+                                        ),
                                         curr_gps_time_diff_32,
                                         6,
                                     )?;
@@ -627,17 +771,25 @@ pub mod v2 {
                                         &mut self.common.multi_extreme_counters[self.common.last];
                                     *multi_extreme_counter += 1;
                                     if *multi_extreme_counter > 3 {
-                                        self.common.last_gps_time_diffs[self.common.last] = curr_gps_time_diff_32;
+                                        self.common.last_gps_time_diffs[self.common.last] =
+                                            curr_gps_time_diff_32;
                                         *multi_extreme_counter = 0;
                                     }
                                 }
                             } else {
                                 encoder.encode_symbol(&mut self.common.gps_time_multi, 0)?;
-                                self.ic_gps_time.compress(&mut encoder, 0, curr_gps_time_diff_32, 7)?;
-                                let multi_extreme_counter = &mut self.common.multi_extreme_counters[self.common.last];
+                                self.ic_gps_time.compress(
+                                    &mut encoder,
+                                    0,
+                                    curr_gps_time_diff_32,
+                                    7,
+                                )?;
+                                let multi_extreme_counter =
+                                    &mut self.common.multi_extreme_counters[self.common.last];
                                 *multi_extreme_counter += 1;
                                 if *multi_extreme_counter > 3 {
-                                    self.common.last_gps_time_diffs[self.common.last] = curr_gps_time_diff_32;
+                                    self.common.last_gps_time_diffs[self.common.last] =
+                                        curr_gps_time_diff_32;
                                     *multi_extreme_counter = 0;
                                 }
                             }
@@ -645,8 +797,8 @@ pub mod v2 {
                             // the difference is huge
                             // maybe the double belongs to another time sequence
                             for i in 1..4 {
-                                let other_gps_time_diff_64 =
-                                    this_val.value - self.common.last_gps_times[(self.common.last + i) & 3].value;
+                                let other_gps_time_diff_64 = this_val.value
+                                    - self.common.last_gps_times[(self.common.last + i) & 3].value;
                                 let other_gps_time_diff_32 = other_gps_time_diff_64 as i32;
 
                                 if other_gps_time_diff_64 == i64::from(other_gps_time_diff_32) {
@@ -667,7 +819,8 @@ pub mod v2 {
                             )?;
                             self.ic_gps_time.compress(
                                 &mut encoder,
-                                (self.common.last_gps_times[self.common.last as usize].value >> 32) as i32,
+                                (self.common.last_gps_times[self.common.last as usize].value >> 32)
+                                    as i32,
                                 (this_val.value >> 32) as i32,
                                 8,
                             )?;
@@ -675,10 +828,19 @@ pub mod v2 {
                             encoder.write_int(this_val.value as u32)?;
                             self.common.next = (self.common.next + 1) & 3;
                             self.common.last = self.common.next;
-                            *self.common.last_gps_time_diffs.get_unchecked_mut(self.common.last) = 0;
-                            *self.common.multi_extreme_counters.get_unchecked_mut(self.common.last) = 0;
+                            *self
+                                .common
+                                .last_gps_time_diffs
+                                .get_unchecked_mut(self.common.last) = 0;
+                            *self
+                                .common
+                                .multi_extreme_counters
+                                .get_unchecked_mut(self.common.last) = 0;
                         }
-                        *self.common.last_gps_times.get_unchecked_mut(self.common.last) = this_val;
+                        *self
+                            .common
+                            .last_gps_times
+                            .get_unchecked_mut(self.common.last) = this_val;
                     }
                 }
                 Ok(())
@@ -695,7 +857,10 @@ pub mod v2 {
         fn default() -> Self {
             Self {
                 common: Common::new(),
-                ic_gps_time: IntegerDecompressorBuilder::new().bits(32).contexts(9).build_initialized(),
+                ic_gps_time: IntegerDecompressorBuilder::new()
+                    .bits(32)
+                    .contexts(9)
+                    .build_initialized(),
             }
         }
     }
@@ -707,14 +872,19 @@ pub mod v2 {
 
         fn decompress_first(&mut self, src: &mut R, first_point: &mut [u8]) -> std::io::Result<()> {
             unsafe {
-                *self.common.last_gps_times.get_unchecked_mut(0) = read_and_unpack::<_, GpsTime>(src, first_point)?;
+                *self.common.last_gps_times.get_unchecked_mut(0) =
+                    read_and_unpack::<_, GpsTime>(src, first_point)?;
             }
             Ok(())
         }
 
         // A change of the sequence leads to another step instead of a call of itself, which damaged bytes can repeat
         // until the stack overflows. (scansion)
-        fn decompress_with(&mut self, decoder: &mut ArithmeticDecoder<R>, buf: &mut [u8]) -> std::io::Result<()> {
+        fn decompress_with(
+            &mut self,
+            decoder: &mut ArithmeticDecoder<R>,
+            buf: &mut [u8],
+        ) -> std::io::Result<()> {
             for _ in 0..=MOST_SEQUENCE_CHANGES {
                 if !self.decompress_step(decoder, buf)? {
                     return Ok(());
@@ -734,33 +904,71 @@ pub mod v2 {
             let mut multi: i32;
             debug_assert!(self.common.last < 4);
             unsafe {
-                if *self.common.last_gps_time_diffs.get_unchecked(self.common.last) == 0 {
+                if *self
+                    .common
+                    .last_gps_time_diffs
+                    .get_unchecked(self.common.last)
+                    == 0
+                {
                     // it the last integer difference was zero
                     multi = decoder.decode_symbol(&mut self.common.gps_time_0_diff)? as i32;
 
                     if multi == 1 {
                         // the difference can be represented with 32 bits
-                        *self.common.last_gps_time_diffs.get_unchecked_mut(self.common.last) =
+                        *self
+                            .common
+                            .last_gps_time_diffs
+                            .get_unchecked_mut(self.common.last) =
                             self.ic_gps_time.decompress(&mut decoder, 0, 0)?;
-                        self.common.last_gps_times.get_unchecked_mut(self.common.last).value +=
-                            i64::from(*self.common.last_gps_time_diffs.get_unchecked(self.common.last));
-                        *self.common.multi_extreme_counters.get_unchecked_mut(self.common.last) = 0;
+                        self.common
+                            .last_gps_times
+                            .get_unchecked_mut(self.common.last)
+                            .value += i64::from(
+                            *self
+                                .common
+                                .last_gps_time_diffs
+                                .get_unchecked(self.common.last),
+                        );
+                        *self
+                            .common
+                            .multi_extreme_counters
+                            .get_unchecked_mut(self.common.last) = 0;
                     } else if multi == 2 {
                         // the difference is huge
                         self.common.next = (self.common.next + 1) & 3;
-                        self.common.last_gps_times.get_unchecked_mut(self.common.next).value =
-                            i64::from(self.ic_gps_time.decompress(
+                        self.common
+                            .last_gps_times
+                            .get_unchecked_mut(self.common.next)
+                            .value = i64::from(
+                            self.ic_gps_time.decompress(
                                 &mut decoder,
-                                (self.common.last_gps_times.get_unchecked(self.common.last).value >> 32) as i32,
+                                (self
+                                    .common
+                                    .last_gps_times
+                                    .get_unchecked(self.common.last)
+                                    .value
+                                    >> 32) as i32,
                                 8,
-                            )?);
-                        self.common.last_gps_times.get_unchecked_mut(self.common.next).value <<= 32;
-                        self.common.last_gps_times.get_unchecked_mut(self.common.next).value |=
-                            i64::from(decoder.read_int()?);
+                            )?,
+                        );
+                        self.common
+                            .last_gps_times
+                            .get_unchecked_mut(self.common.next)
+                            .value <<= 32;
+                        self.common
+                            .last_gps_times
+                            .get_unchecked_mut(self.common.next)
+                            .value |= i64::from(decoder.read_int()?);
 
                         self.common.last = self.common.next;
-                        *self.common.last_gps_time_diffs.get_unchecked_mut(self.common.last) = 0;
-                        *self.common.multi_extreme_counters.get_unchecked_mut(self.common.last) = 0;
+                        *self
+                            .common
+                            .last_gps_time_diffs
+                            .get_unchecked_mut(self.common.last) = 0;
+                        *self
+                            .common
+                            .multi_extreme_counters
+                            .get_unchecked_mut(self.common.last) = 0;
                     } else if multi > 2 {
                         // we switch to another sequence
                         self.common.last = (self.common.last + multi as usize - 2) & 3;
@@ -770,36 +978,68 @@ pub mod v2 {
                     multi = decoder.decode_symbol(&mut self.common.gps_time_multi)? as i32;
 
                     if multi == 1 {
-                        self.common.last_gps_times.get_unchecked_mut(self.common.last).value +=
-                            i64::from(self.ic_gps_time.decompress(
+                        self.common
+                            .last_gps_times
+                            .get_unchecked_mut(self.common.last)
+                            .value += i64::from(
+                            self.ic_gps_time.decompress(
                                 &mut decoder,
-                                *self.common.last_gps_time_diffs.get_unchecked(self.common.last as usize),
+                                *self
+                                    .common
+                                    .last_gps_time_diffs
+                                    .get_unchecked(self.common.last as usize),
                                 1,
-                            )?);
-                        *self.common.multi_extreme_counters.get_unchecked_mut(self.common.last) = 0;
+                            )?,
+                        );
+                        *self
+                            .common
+                            .multi_extreme_counters
+                            .get_unchecked_mut(self.common.last) = 0;
                     } else if multi < LASZIP_GPS_TIME_MULTI_UNCHANGED {
                         let gps_time_diff: i32;
                         if multi == 0 {
                             gps_time_diff = self.ic_gps_time.decompress(&mut decoder, 0, 7)?;
-                            *self.common.multi_extreme_counters.get_unchecked_mut(self.common.last) += 1;
-                            if *self.common.multi_extreme_counters.get_unchecked(self.common.last as usize) > 3 {
-                                *self.common.last_gps_time_diffs.get_unchecked_mut(self.common.last) = gps_time_diff;
-                                *self.common.multi_extreme_counters.get_unchecked_mut(self.common.last) = 0;
+                            *self
+                                .common
+                                .multi_extreme_counters
+                                .get_unchecked_mut(self.common.last) += 1;
+                            if *self
+                                .common
+                                .multi_extreme_counters
+                                .get_unchecked(self.common.last as usize)
+                                > 3
+                            {
+                                *self
+                                    .common
+                                    .last_gps_time_diffs
+                                    .get_unchecked_mut(self.common.last) = gps_time_diff;
+                                *self
+                                    .common
+                                    .multi_extreme_counters
+                                    .get_unchecked_mut(self.common.last) = 0;
                             }
                         } else if multi < LASZIP_GPS_TIME_MULTI {
                             // TODO this can be made shorter, the if only changes the context param
                             if multi < 10 {
                                 gps_time_diff = self.ic_gps_time.decompress(
                                     &mut decoder,
-                                    multi
-                                        .wrapping_mul(*self.common.last_gps_time_diffs.get_unchecked(self.common.last)),
+                                    multi.wrapping_mul(
+                                        *self
+                                            .common
+                                            .last_gps_time_diffs
+                                            .get_unchecked(self.common.last),
+                                    ),
                                     2,
                                 )?;
                             } else {
                                 gps_time_diff = self.ic_gps_time.decompress(
                                     &mut decoder,
-                                    multi
-                                        .wrapping_mul(*self.common.last_gps_time_diffs.get_unchecked(self.common.last)),
+                                    multi.wrapping_mul(
+                                        *self
+                                            .common
+                                            .last_gps_time_diffs
+                                            .get_unchecked(self.common.last),
+                                    ),
                                     3,
                                 )?;
                             }
@@ -808,61 +1048,127 @@ pub mod v2 {
                         else if multi == LASZIP_GPS_TIME_MULTI {
                             gps_time_diff = self.ic_gps_time.decompress(
                                 &mut decoder,
-                                multi.wrapping_mul(*self.common.last_gps_time_diffs.get_unchecked(self.common.last)),
+                                multi.wrapping_mul(
+                                    *self
+                                        .common
+                                        .last_gps_time_diffs
+                                        .get_unchecked(self.common.last),
+                                ),
                                 4,
                             )?;
-                            *self.common.multi_extreme_counters.get_unchecked_mut(self.common.last) += 1;
-                            if *self.common.multi_extreme_counters.get_unchecked_mut(self.common.last) > 3 {
-                                *self.common.last_gps_time_diffs.get_unchecked_mut(self.common.last) = gps_time_diff;
-                                *self.common.multi_extreme_counters.get_unchecked_mut(self.common.last) = 0;
+                            *self
+                                .common
+                                .multi_extreme_counters
+                                .get_unchecked_mut(self.common.last) += 1;
+                            if *self
+                                .common
+                                .multi_extreme_counters
+                                .get_unchecked_mut(self.common.last)
+                                > 3
+                            {
+                                *self
+                                    .common
+                                    .last_gps_time_diffs
+                                    .get_unchecked_mut(self.common.last) = gps_time_diff;
+                                *self
+                                    .common
+                                    .multi_extreme_counters
+                                    .get_unchecked_mut(self.common.last) = 0;
                             }
                         } else {
                             multi = LASZIP_GPS_TIME_MULTI - multi;
                             if multi > LASZIP_GPS_TIME_MULTI_MINUS {
                                 gps_time_diff = self.ic_gps_time.decompress(
                                     &mut decoder,
-                                    multi
-                                        .wrapping_mul(*self.common.last_gps_time_diffs.get_unchecked(self.common.last)),
+                                    multi.wrapping_mul(
+                                        *self
+                                            .common
+                                            .last_gps_time_diffs
+                                            .get_unchecked(self.common.last),
+                                    ),
                                     5,
                                 )?;
                             } else {
                                 gps_time_diff = self.ic_gps_time.decompress(
                                     &mut decoder,
-                                    LASZIP_GPS_TIME_MULTI_MINUS
-                                        .wrapping_mul(*self.common.last_gps_time_diffs.get_unchecked(self.common.last)),
+                                    LASZIP_GPS_TIME_MULTI_MINUS.wrapping_mul(
+                                        *self
+                                            .common
+                                            .last_gps_time_diffs
+                                            .get_unchecked(self.common.last),
+                                    ),
                                     6,
                                 )?;
-                                *self.common.multi_extreme_counters.get_unchecked_mut(self.common.last) += 1;
-                                if *self.common.multi_extreme_counters.get_unchecked_mut(self.common.last) > 3 {
-                                    *self.common.last_gps_time_diffs.get_unchecked_mut(self.common.last) =
-                                        gps_time_diff;
-                                    *self.common.multi_extreme_counters.get_unchecked_mut(self.common.last) = 0;
+                                *self
+                                    .common
+                                    .multi_extreme_counters
+                                    .get_unchecked_mut(self.common.last) += 1;
+                                if *self
+                                    .common
+                                    .multi_extreme_counters
+                                    .get_unchecked_mut(self.common.last)
+                                    > 3
+                                {
+                                    *self
+                                        .common
+                                        .last_gps_time_diffs
+                                        .get_unchecked_mut(self.common.last) = gps_time_diff;
+                                    *self
+                                        .common
+                                        .multi_extreme_counters
+                                        .get_unchecked_mut(self.common.last) = 0;
                                 }
                             }
                         }
-                        self.common.last_gps_times.get_unchecked_mut(self.common.last).value +=
-                            i64::from(gps_time_diff);
+                        self.common
+                            .last_gps_times
+                            .get_unchecked_mut(self.common.last)
+                            .value += i64::from(gps_time_diff);
                     } else if multi == LASZIP_GPS_TIME_MULTI_CODE_FULL {
                         self.common.next = (self.common.next + 1) & 3;
-                        self.common.last_gps_times.get_unchecked_mut(self.common.next).value =
-                            i64::from(self.ic_gps_time.decompress(
+                        self.common
+                            .last_gps_times
+                            .get_unchecked_mut(self.common.next)
+                            .value = i64::from(
+                            self.ic_gps_time.decompress(
                                 &mut decoder,
-                                (self.common.last_gps_times.get_unchecked(self.common.last).value >> 32) as i32,
+                                (self
+                                    .common
+                                    .last_gps_times
+                                    .get_unchecked(self.common.last)
+                                    .value
+                                    >> 32) as i32,
                                 8,
-                            )?);
-                        self.common.last_gps_times.get_unchecked_mut(self.common.next).value <<= 32;
-                        self.common.last_gps_times.get_unchecked_mut(self.common.next).value |=
-                            i64::from(decoder.read_int()?);
+                            )?,
+                        );
+                        self.common
+                            .last_gps_times
+                            .get_unchecked_mut(self.common.next)
+                            .value <<= 32;
+                        self.common
+                            .last_gps_times
+                            .get_unchecked_mut(self.common.next)
+                            .value |= i64::from(decoder.read_int()?);
                         self.common.last = self.common.next;
-                        *self.common.last_gps_time_diffs.get_unchecked_mut(self.common.last) = 0;
-                        *self.common.multi_extreme_counters.get_unchecked_mut(self.common.last) = 0;
+                        *self
+                            .common
+                            .last_gps_time_diffs
+                            .get_unchecked_mut(self.common.last) = 0;
+                        *self
+                            .common
+                            .multi_extreme_counters
+                            .get_unchecked_mut(self.common.last) = 0;
                     } else if multi > LASZIP_GPS_TIME_MULTI_CODE_FULL {
-                        self.common.last =
-                            (self.common.last + multi as usize - LASZIP_GPS_TIME_MULTI_CODE_FULL as usize) & 3;
+                        self.common.last = (self.common.last + multi as usize
+                            - LASZIP_GPS_TIME_MULTI_CODE_FULL as usize)
+                            & 3;
                         return Ok(true);
                     }
                 }
-                self.common.last_gps_times.get_unchecked(self.common.last).pack_into_unchecked(buf);
+                self.common
+                    .last_gps_times
+                    .get_unchecked(self.common.last)
+                    .pack_into_unchecked(buf);
                 Ok(false)
             }
         }

@@ -2,13 +2,18 @@
 //! LAS data compressors & decompressors as well as
 //! the definition of the point types.
 
-pub use pointtypes::{Point0, Point1, Point10, Point2, Point3, Point4, Point5, Point6, Point7, Point8, Point9};
+pub use pointtypes::{
+    Point0, Point1, Point10, Point2, Point3, Point4, Point5, Point6, Point7, Point8, Point9,
+};
 
 #[macro_use]
 mod utils;
 pub(crate) mod pointtypes;
 
-#[deprecated(since = "0.6.0", note = "use laz::laszip, or better yet, import directly from laz::")]
+#[deprecated(
+    since = "0.6.0",
+    note = "use laz::laszip, or better yet, import directly from laz::"
+)]
 pub use crate::laszip;
 
 pub mod point0;

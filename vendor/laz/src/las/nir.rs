@@ -41,7 +41,8 @@ mod v3_v4 {
     use crate::las::selective::DecompressionSelection;
     use crate::las::utils::copy_bytes_into_decoder;
     use crate::las::utils::{
-        copy_encoder_content_to, lower_byte, lower_byte_changed, read_and_unpack, upper_byte, upper_byte_changed,
+        copy_encoder_content_to, lower_byte, lower_byte_changed, read_and_unpack, upper_byte,
+        upper_byte_changed,
     };
     use crate::models::{ArithmeticModel, ArithmeticModelBuilder};
     use crate::packers::Packable;
@@ -81,7 +82,12 @@ mod v3_v4 {
         fn default() -> Self {
             Self {
                 decoder: ArithmeticDecoder::new(Cursor::new(Vec::<u8>::new())),
-                contexts: [NirContext::default(), NirContext::default(), NirContext::default(), NirContext::default()],
+                contexts: [
+                    NirContext::default(),
+                    NirContext::default(),
+                    NirContext::default(),
+                    NirContext::default(),
+                ],
                 should_decompress: false,
                 layer_size: 0,
                 last_context_used: 0,
@@ -91,7 +97,9 @@ mod v3_v4 {
         }
     }
 
-    impl<const VERSION: usize, R: Read + Seek> LayeredFieldDecompressor<R> for LasNIRDecompressorImpl<VERSION> {
+    impl<const VERSION: usize, R: Read + Seek> LayeredFieldDecompressor<R>
+        for LasNIRDecompressorImpl<VERSION>
+    {
         fn size_of_field(&self) -> usize {
             std::mem::size_of::<u16>()
         }
@@ -116,7 +124,11 @@ mod v3_v4 {
             Ok(())
         }
 
-        fn decompress_field_with(&mut self, current_point: &mut [u8], context: &mut usize) -> std::io::Result<()> {
+        fn decompress_field_with(
+            &mut self,
+            current_point: &mut [u8],
+            context: &mut usize,
+        ) -> std::io::Result<()> {
             // Index of the last item used as prediction
             let mut last_idx = self.last_context_used;
 
@@ -138,17 +150,25 @@ mod v3_v4 {
             let last_nir = self.last_nirs[last_idx];
             if self.should_decompress {
                 let mut new_nir: u16;
-                let sym = self.decoder.decode_symbol(&mut the_context.bytes_used_model)?;
+                let sym = self
+                    .decoder
+                    .decode_symbol(&mut the_context.bytes_used_model)?;
 
                 if is_nth_bit_set!(sym, 0) {
-                    let diff = self.decoder.decode_symbol(&mut the_context.lower_byte_diff_model)? as u8;
+                    let diff = self
+                        .decoder
+                        .decode_symbol(&mut the_context.lower_byte_diff_model)?
+                        as u8;
                     new_nir = u16::from(diff.wrapping_add(lower_byte(last_nir)));
                 } else {
                     new_nir = last_nir & 0x00FF;
                 }
 
                 if is_nth_bit_set!(sym, 1) {
-                    let diff = self.decoder.decode_symbol(&mut the_context.upper_byte_diff_model)? as u8;
+                    let diff = self
+                        .decoder
+                        .decode_symbol(&mut the_context.upper_byte_diff_model)?
+                        as u8;
                     let upper_byte = u16::from(diff.wrapping_add(upper_byte(last_nir)));
                     new_nir |= (upper_byte << 8) & 0xFF00;
                 } else {
@@ -166,8 +186,12 @@ mod v3_v4 {
         }
 
         fn read_layers(&mut self, src: &mut R) -> std::io::Result<()> {
-            self.should_decompress =
-                copy_bytes_into_decoder(self.is_requested, self.layer_size as usize, &mut self.decoder, src)?;
+            self.should_decompress = copy_bytes_into_decoder(
+                self.is_requested,
+                self.layer_size as usize,
+                &mut self.decoder,
+                src,
+            )?;
             Ok(())
         }
     }
@@ -185,7 +209,12 @@ mod v3_v4 {
         fn default() -> Self {
             Self {
                 encoder: ArithmeticEncoder::new(Cursor::new(Vec::<u8>::new())),
-                contexts: [NirContext::default(), NirContext::default(), NirContext::default(), NirContext::default()],
+                contexts: [
+                    NirContext::default(),
+                    NirContext::default(),
+                    NirContext::default(),
+                    NirContext::default(),
+                ],
                 has_nir_changed: false,
                 last_context_used: 0,
                 last_nirs: [0u16; 4],
@@ -198,7 +227,12 @@ mod v3_v4 {
             std::mem::size_of::<u16>()
         }
 
-        fn init_first_point(&mut self, dst: &mut W, first_point: &[u8], context: &mut usize) -> std::io::Result<()> {
+        fn init_first_point(
+            &mut self,
+            dst: &mut W,
+            first_point: &[u8],
+            context: &mut usize,
+        ) -> std::io::Result<()> {
             for ctx in &mut self.contexts {
                 ctx.unused = true;
             }
@@ -210,7 +244,11 @@ mod v3_v4 {
             Ok(())
         }
 
-        fn compress_field_with(&mut self, current_point: &[u8], context: &mut usize) -> std::io::Result<()> {
+        fn compress_field_with(
+            &mut self,
+            current_point: &[u8],
+            context: &mut usize,
+        ) -> std::io::Result<()> {
             // Index of the last item used as prediction
             let mut last_idx = self.last_context_used;
 
@@ -237,15 +275,18 @@ mod v3_v4 {
 
             let sym = lower_byte_changed(current_nir, last_nir) as u8
                 | (upper_byte_changed(current_nir, last_nir) as u8) << 1;
-            self.encoder.encode_symbol(&mut the_context.bytes_used_model, u32::from(sym))?;
+            self.encoder
+                .encode_symbol(&mut the_context.bytes_used_model, u32::from(sym))?;
             if is_nth_bit_set!(sym, 0) {
                 let corr = lower_byte(current_nir).wrapping_sub(lower_byte(last_nir));
-                self.encoder.encode_symbol(&mut the_context.lower_byte_diff_model, u32::from(corr))?;
+                self.encoder
+                    .encode_symbol(&mut the_context.lower_byte_diff_model, u32::from(corr))?;
             }
 
             if is_nth_bit_set!(sym, 1) {
                 let corr = upper_byte(current_nir).wrapping_sub(upper_byte(last_nir));
-                self.encoder.encode_symbol(&mut the_context.upper_byte_diff_model, u32::from(corr))?;
+                self.encoder
+                    .encode_symbol(&mut the_context.upper_byte_diff_model, u32::from(corr))?;
             }
             self.last_nirs[last_idx] = current_nir;
             Ok(())

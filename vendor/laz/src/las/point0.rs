@@ -197,17 +197,26 @@ impl LasPoint0 for Point0 {
 
 impl Packable for Point0 {
     fn unpack_from(input: &[u8]) -> Self {
-        assert!(input.len() >= Point0::SIZE, "Point10::unpack_from expected buffer of 20 bytes");
+        assert!(
+            input.len() >= Point0::SIZE,
+            "Point10::unpack_from expected buffer of 20 bytes"
+        );
         unsafe { Self::unpack_from_unchecked(input) }
     }
 
     fn pack_into(&self, output: &mut [u8]) {
-        assert!(output.len() >= Point0::SIZE, "Point10::pack_into expected buffer of 20 bytes");
+        assert!(
+            output.len() >= Point0::SIZE,
+            "Point10::pack_into expected buffer of 20 bytes"
+        );
         unsafe { self.pack_into_unchecked(output) }
     }
 
     unsafe fn unpack_from_unchecked(input: &[u8]) -> Self {
-        debug_assert!(input.len() >= 20, "Point10::unpack_from expected buffer of 20 bytes");
+        debug_assert!(
+            input.len() >= 20,
+            "Point10::unpack_from expected buffer of 20 bytes"
+        );
         let mut point = Self {
             x: i32::unpack_from_unchecked(input.get_unchecked(..4)),
             y: i32::unpack_from_unchecked(input.get_unchecked(4..8)),
@@ -227,7 +236,10 @@ impl Packable for Point0 {
     }
 
     unsafe fn pack_into_unchecked(&self, output: &mut [u8]) {
-        debug_assert!(output.len() >= 20, "Point10::pack_into expected buffer of 20 bytes");
+        debug_assert!(
+            output.len() >= 20,
+            "Point10::pack_into expected buffer of 20 bytes"
+        );
         i32::pack_into_unchecked(&self.x, output.get_unchecked_mut(0..4));
         i32::pack_into_unchecked(&self.y, output.get_unchecked_mut(4..8));
         i32::pack_into_unchecked(&self.z, output.get_unchecked_mut(8..12));
@@ -245,9 +257,13 @@ impl Packable for Point0 {
 pub mod v1 {
     use std::io::{Read, Write};
 
-    use crate::compressors::{IntegerCompressor, IntegerCompressorBuilder, DEFAULT_COMPRESS_CONTEXTS};
+    use crate::compressors::{
+        IntegerCompressor, IntegerCompressorBuilder, DEFAULT_COMPRESS_CONTEXTS,
+    };
     use crate::decoders::ArithmeticDecoder;
-    use crate::decompressors::{IntegerDecompressor, IntegerDecompressorBuilder, DEFAULT_DECOMPRESS_CONTEXTS};
+    use crate::decompressors::{
+        IntegerDecompressor, IntegerDecompressorBuilder, DEFAULT_DECOMPRESS_CONTEXTS,
+    };
     use crate::encoders::ArithmeticEncoder;
     use crate::las::point0::LasPoint0;
     use crate::models::{ArithmeticModel, ArithmeticModelBuilder};
@@ -305,12 +321,27 @@ pub mod v1 {
                 last_x_diffs: [0i32; 3],
                 last_y_diffs: [0i32; 3],
                 last_incr: 0,
-                ic_dx: IntegerDecompressorBuilder::new().bits(32).build_initialized(),
-                ic_dy: IntegerDecompressorBuilder::new().bits(32).contexts(20).build_initialized(),
-                ic_dz: IntegerDecompressorBuilder::new().bits(32).contexts(20).build_initialized(),
-                ic_intensity: IntegerDecompressorBuilder::new().bits(16).build_initialized(),
-                ic_scan_angle_rank: IntegerDecompressorBuilder::new().bits(8).contexts(2).build_initialized(),
-                ic_point_source_id: IntegerDecompressorBuilder::new().bits(16).build_initialized(),
+                ic_dx: IntegerDecompressorBuilder::new()
+                    .bits(32)
+                    .build_initialized(),
+                ic_dy: IntegerDecompressorBuilder::new()
+                    .bits(32)
+                    .contexts(20)
+                    .build_initialized(),
+                ic_dz: IntegerDecompressorBuilder::new()
+                    .bits(32)
+                    .contexts(20)
+                    .build_initialized(),
+                ic_intensity: IntegerDecompressorBuilder::new()
+                    .bits(16)
+                    .build_initialized(),
+                ic_scan_angle_rank: IntegerDecompressorBuilder::new()
+                    .bits(8)
+                    .contexts(2)
+                    .build_initialized(),
+                ic_point_source_id: IntegerDecompressorBuilder::new()
+                    .bits(16)
+                    .build_initialized(),
                 changed_values_model: ArithmeticModelBuilder::new(64).build(),
                 bit_byte_models: (0..256).map(|_| None).collect(),
                 classification_models: (0..256).map(|_| None).collect(),
@@ -358,10 +389,19 @@ pub mod v1 {
                 last_y_diffs: [0i32; 3],
                 last_incr: 0,
                 ic_dx: IntegerCompressorBuilder::new().bits(32).build_initialized(),
-                ic_dy: IntegerCompressorBuilder::new().bits(32).contexts(20).build_initialized(),
-                ic_dz: IntegerCompressorBuilder::new().bits(32).contexts(20).build_initialized(),
+                ic_dy: IntegerCompressorBuilder::new()
+                    .bits(32)
+                    .contexts(20)
+                    .build_initialized(),
+                ic_dz: IntegerCompressorBuilder::new()
+                    .bits(32)
+                    .contexts(20)
+                    .build_initialized(),
                 ic_intensity: IntegerCompressorBuilder::new().bits(16).build_initialized(),
-                ic_scan_angle_rank: IntegerCompressorBuilder::new().bits(8).contexts(2).build_initialized(),
+                ic_scan_angle_rank: IntegerCompressorBuilder::new()
+                    .bits(8)
+                    .contexts(2)
+                    .build_initialized(),
                 ic_point_source_id: IntegerCompressorBuilder::new().bits(16).build_initialized(),
                 changed_values_model: ArithmeticModelBuilder::new(64).build(),
                 bit_byte_models: (0..256).map(|_| None).collect(),
@@ -382,7 +422,11 @@ pub mod v1 {
             Ok(())
         }
 
-        fn compress_with(&mut self, encoder: &mut ArithmeticEncoder<W>, buf: &[u8]) -> std::io::Result<()> {
+        fn compress_with(
+            &mut self,
+            encoder: &mut ArithmeticEncoder<W>,
+            buf: &[u8],
+        ) -> std::io::Result<()> {
             let current_point = Point0::unpack_from(buf);
             let median_x = median_diff(&self.last_x_diffs);
             let median_y = median_diff(&self.last_y_diffs);
@@ -390,17 +434,31 @@ pub mod v1 {
             let x_diff = current_point.x() - self.last_point.x();
             let y_diff = current_point.y() - self.last_point.y();
 
-            self.ic_dx.compress(encoder, median_x, x_diff, DEFAULT_COMPRESS_CONTEXTS)?;
+            self.ic_dx
+                .compress(encoder, median_x, x_diff, DEFAULT_COMPRESS_CONTEXTS)?;
             let k_bits = self.ic_dx.k();
-            self.ic_dy.compress(encoder, median_y, y_diff, if k_bits < 19 { k_bits } else { 19 })?;
+            self.ic_dy.compress(
+                encoder,
+                median_y,
+                y_diff,
+                if k_bits < 19 { k_bits } else { 19 },
+            )?;
 
             let k_bits = (k_bits + self.ic_dy.k()) / 2;
-            self.ic_dz.compress(encoder, self.last_point.z, current_point.z, if k_bits < 19 { k_bits } else { 19 })?;
+            self.ic_dz.compress(
+                encoder,
+                self.last_point.z,
+                current_point.z,
+                if k_bits < 19 { k_bits } else { 19 },
+            )?;
 
-            let changed_values: u8 = ((self.last_point.intensity() != current_point.intensity()) as u8) << 5
+            let changed_values: u8 = ((self.last_point.intensity() != current_point.intensity())
+                as u8)
+                << 5
                 | ((self.last_point.bit_fields() != current_point.bit_fields()) as u8) << 4
                 | ((self.last_point.classification() != current_point.classification()) as u8) << 3
-                | ((self.last_point.scan_angle_rank() != current_point.scan_angle_rank()) as u8) << 2
+                | ((self.last_point.scan_angle_rank() != current_point.scan_angle_rank()) as u8)
+                    << 2
                 | ((self.last_point.user_data() != current_point.user_data()) as u8) << 1
                 | (self.last_point.point_source_id() != current_point.point_source_id()) as u8;
 
@@ -423,7 +481,8 @@ pub mod v1 {
                 }
 
                 if (changed_values & 8) != 0 {
-                    let model = &mut self.classification_models[self.last_point.classification() as usize]
+                    let model = &mut self.classification_models
+                        [self.last_point.classification() as usize]
                         .get_or_insert(ArithmeticModelBuilder::new(256).build());
                     encoder.encode_symbol(model, u32::from(current_point.classification))?;
                 }
@@ -474,20 +533,33 @@ pub mod v1 {
             Ok(())
         }
 
-        fn decompress_with(&mut self, mut decoder: &mut ArithmeticDecoder<R>, buf: &mut [u8]) -> std::io::Result<()> {
+        fn decompress_with(
+            &mut self,
+            mut decoder: &mut ArithmeticDecoder<R>,
+            buf: &mut [u8],
+        ) -> std::io::Result<()> {
             // Decompress x, y, z
             let median_x = self.median_x_diff();
             let median_y = self.median_y_diff();
 
-            let x_diff = self.ic_dx.decompress(&mut decoder, median_x, DEFAULT_DECOMPRESS_CONTEXTS)?;
+            let x_diff =
+                self.ic_dx
+                    .decompress(&mut decoder, median_x, DEFAULT_DECOMPRESS_CONTEXTS)?;
             self.last_point.x += x_diff;
             // we use the number k of bits corrector bits to switch contexts
             let k_bits = self.ic_dx.k();
-            let y_diff = self.ic_dy.decompress(&mut decoder, median_y, if k_bits < 19 { k_bits } else { 19 })?;
+            let y_diff = self.ic_dy.decompress(
+                &mut decoder,
+                median_y,
+                if k_bits < 19 { k_bits } else { 19 },
+            )?;
             self.last_point.y += y_diff;
             let k_bits = (k_bits + self.ic_dy.k()) / 2;
-            self.last_point.z =
-                self.ic_dz.decompress(&mut decoder, self.last_point.z, if k_bits < 19 { k_bits } else { 19 })?;
+            self.last_point.z = self.ic_dz.decompress(
+                &mut decoder,
+                self.last_point.z,
+                if k_bits < 19 { k_bits } else { 19 },
+            )?;
 
             let changed_value = decoder.decode_symbol(&mut self.changed_values_model)? as i32;
             if changed_value != 0 {
@@ -502,35 +574,40 @@ pub mod v1 {
                 if (changed_value & 16) != 0 {
                     let model = self.bit_byte_models[self.last_point.bit_fields() as usize]
                         .get_or_insert_with(|| ArithmeticModelBuilder::new(256).build());
-                    self.last_point.set_bit_fields(decoder.decode_symbol(model)? as u8);
+                    self.last_point
+                        .set_bit_fields(decoder.decode_symbol(model)? as u8);
                 }
 
                 if (changed_value & 8) != 0 {
                     let model = self.classification_models[self.last_point.classification as usize]
                         .get_or_insert_with(|| ArithmeticModelBuilder::new(256).build());
-                    self.last_point.set_classification(decoder.decode_symbol(model)? as u8);
+                    self.last_point
+                        .set_classification(decoder.decode_symbol(model)? as u8);
                 }
 
                 if (changed_value & 4) != 0 {
-                    self.last_point.set_scan_angle_rank(self.ic_scan_angle_rank.decompress(
-                        &mut decoder,
-                        i32::from(self.last_point.scan_angle_rank),
-                        (k_bits < 3) as u32,
-                    )? as i8);
+                    self.last_point
+                        .set_scan_angle_rank(self.ic_scan_angle_rank.decompress(
+                            &mut decoder,
+                            i32::from(self.last_point.scan_angle_rank),
+                            (k_bits < 3) as u32,
+                        )? as i8);
                 }
 
                 if (changed_value & 2) != 0 {
                     let model = self.user_data_models[self.last_point.user_data as usize]
                         .get_or_insert_with(|| ArithmeticModelBuilder::new(256).build());
-                    self.last_point.set_user_data(decoder.decode_symbol(model)? as u8);
+                    self.last_point
+                        .set_user_data(decoder.decode_symbol(model)? as u8);
                 }
 
                 if (changed_value & 1) != 0 {
-                    self.last_point.set_point_source_id(self.ic_point_source_id.decompress(
-                        &mut decoder,
-                        i32::from(self.last_point.point_source_id),
-                        DEFAULT_DECOMPRESS_CONTEXTS,
-                    )? as u16);
+                    self.last_point
+                        .set_point_source_id(self.ic_point_source_id.decompress(
+                            &mut decoder,
+                            i32::from(self.last_point.point_source_id),
+                            DEFAULT_DECOMPRESS_CONTEXTS,
+                        )? as u16);
                 }
             }
 
@@ -602,12 +679,18 @@ pub mod v2 {
     /// Compared to version 1, the flag bit used for the intensity & bit_fields
     /// have been swapped
     impl Point10ChangedValues {
-        pub fn from_points<P: LasPoint0, OP: LasPoint0>(current: &P, last: &OP, last_intensity: u16) -> Self {
+        pub fn from_points<P: LasPoint0, OP: LasPoint0>(
+            current: &P,
+            last: &OP,
+            last_intensity: u16,
+        ) -> Self {
             // This logic here constructs a 5-bit changed value which is basically a bit map of what has changed
             // since the last point, not considering the x, y and z values
 
             let bit_fields_changed = ((last.return_number() ^ current.return_number()) != 0)
-                | ((last.number_of_returns_of_given_pulse() ^ current.number_of_returns_of_given_pulse()) != 0)
+                | ((last.number_of_returns_of_given_pulse()
+                    ^ current.number_of_returns_of_given_pulse())
+                    != 0)
                 | (last.scan_direction_flag() ^ current.scan_direction_flag())
                 | (last.edge_of_flight_line() ^ current.edge_of_flight_line());
 
@@ -677,14 +760,26 @@ pub mod v2 {
         pub fn new() -> Self {
             Self {
                 last_intensity: [0u16; 16],
-                last_x_diff_median: (0..16).map(|_i| utils::StreamingMedian::<i32>::new()).collect(),
-                last_y_diff_median: (0..16).map(|_i| utils::StreamingMedian::<i32>::new()).collect(),
+                last_x_diff_median: (0..16)
+                    .map(|_i| utils::StreamingMedian::<i32>::new())
+                    .collect(),
+                last_y_diff_median: (0..16)
+                    .map(|_i| utils::StreamingMedian::<i32>::new())
+                    .collect(),
                 last_height: [0i32; 8],
                 changed_values: ArithmeticModelBuilder::new(64).build(),
-                scan_angle_rank: (0..2).map(|_i| ArithmeticModelBuilder::new(256).build()).collect(),
-                bit_byte: (0..256).map(|_i| ArithmeticModelBuilder::new(256).build()).collect(),
-                classification: (0..256).map(|_i| ArithmeticModelBuilder::new(256).build()).collect(),
-                user_data: (0..256).map(|_i| ArithmeticModelBuilder::new(256).build()).collect(),
+                scan_angle_rank: (0..2)
+                    .map(|_i| ArithmeticModelBuilder::new(256).build())
+                    .collect(),
+                bit_byte: (0..256)
+                    .map(|_i| ArithmeticModelBuilder::new(256).build())
+                    .collect(),
+                classification: (0..256)
+                    .map(|_i| ArithmeticModelBuilder::new(256).build())
+                    .collect(),
+                user_data: (0..256)
+                    .map(|_i| ArithmeticModelBuilder::new(256).build())
+                    .collect(),
             }
         }
     }
@@ -703,11 +798,23 @@ pub mod v2 {
         fn default() -> Self {
             Self {
                 last_point: Default::default(),
-                ic_intensity: IntegerCompressorBuilder::new().bits(16).contexts(4).build_initialized(),
+                ic_intensity: IntegerCompressorBuilder::new()
+                    .bits(16)
+                    .contexts(4)
+                    .build_initialized(),
                 ic_point_source_id: IntegerCompressorBuilder::new().bits(16).build_initialized(),
-                ic_dx: IntegerCompressorBuilder::new().bits(32).contexts(2).build_initialized(),
-                ic_dy: IntegerCompressorBuilder::new().bits(32).contexts(22).build_initialized(),
-                ic_z: IntegerCompressorBuilder::new().bits(32).contexts(20).build_initialized(),
+                ic_dx: IntegerCompressorBuilder::new()
+                    .bits(32)
+                    .contexts(2)
+                    .build_initialized(),
+                ic_dy: IntegerCompressorBuilder::new()
+                    .bits(32)
+                    .contexts(22)
+                    .build_initialized(),
+                ic_z: IntegerCompressorBuilder::new()
+                    .bits(32)
+                    .contexts(20)
+                    .build_initialized(),
                 common: Common::new(),
             }
         }
@@ -723,7 +830,11 @@ pub mod v2 {
             dst.write_all(buf)
         }
 
-        fn compress_with(&mut self, mut encoder: &mut ArithmeticEncoder<W>, buf: &[u8]) -> std::io::Result<()> {
+        fn compress_with(
+            &mut self,
+            mut encoder: &mut ArithmeticEncoder<W>,
+            buf: &[u8],
+        ) -> std::io::Result<()> {
             let current_point = Point0::unpack_from(&buf);
             let r = current_point.return_number();
             let n = current_point.number_of_returns_of_given_pulse();
@@ -732,9 +843,10 @@ pub mod v2 {
             // According to table l is in range 0..8
             let l = utils::NUMBER_RETURN_LEVEL[n as usize][r as usize];
 
-            let changed_values = Point10ChangedValues::from_points(&current_point, &self.last_point, *unsafe {
-                self.common.last_intensity.get_unchecked(m as usize)
-            });
+            let changed_values =
+                Point10ChangedValues::from_points(&current_point, &self.last_point, *unsafe {
+                    self.common.last_intensity.get_unchecked(m as usize)
+                });
 
             // compress which other values have changed
 
@@ -743,8 +855,10 @@ pub mod v2 {
             if changed_values.bit_fields_changed() {
                 let b = current_point.bit_fields();
                 let last_b = self.last_point.bit_fields();
-                encoder
-                    .encode_symbol(unsafe { self.common.bit_byte.get_unchecked_mut(last_b as usize) }, u32::from(b))?;
+                encoder.encode_symbol(
+                    unsafe { self.common.bit_byte.get_unchecked_mut(last_b as usize) },
+                    u32::from(b),
+                )?;
             }
 
             if changed_values.intensity_changed() {
@@ -759,7 +873,11 @@ pub mod v2 {
 
             if changed_values.classification_changed() {
                 encoder.encode_symbol(
-                    unsafe { self.common.classification.get_unchecked_mut(self.last_point.classification as usize) },
+                    unsafe {
+                        self.common
+                            .classification
+                            .get_unchecked_mut(self.last_point.classification as usize)
+                    },
                     u32::from(current_point.classification),
                 )?;
             }
@@ -768,15 +886,24 @@ pub mod v2 {
                 // the "as u8" before "as u32" is vital
                 encoder.encode_symbol(
                     unsafe {
-                        self.common.scan_angle_rank.get_unchecked_mut(current_point.scan_direction_flag() as usize)
+                        self.common
+                            .scan_angle_rank
+                            .get_unchecked_mut(current_point.scan_direction_flag() as usize)
                     },
-                    (current_point.scan_angle_rank.wrapping_sub(self.last_point.scan_angle_rank)) as u8 as u32,
+                    (current_point
+                        .scan_angle_rank
+                        .wrapping_sub(self.last_point.scan_angle_rank)) as u8
+                        as u32,
                 )?;
             }
 
             if changed_values.user_data_changed() {
                 encoder.encode_symbol(
-                    unsafe { self.common.user_data.get_unchecked_mut(self.last_point.user_data as usize) },
+                    unsafe {
+                        self.common
+                            .user_data
+                            .get_unchecked_mut(self.last_point.user_data as usize)
+                    },
                     u32::from(current_point.user_data),
                 )?;
             }
@@ -793,22 +920,41 @@ pub mod v2 {
             //compress x coordinates
             let median = unsafe { self.common.last_x_diff_median.get_unchecked(m as usize) }.get();
             let diff = current_point.x.wrapping_sub(self.last_point.x);
-            self.ic_dx.compress(&mut encoder, median, diff, (n == 1) as u32)?;
+            self.ic_dx
+                .compress(&mut encoder, median, diff, (n == 1) as u32)?;
             unsafe { self.common.last_x_diff_median.get_unchecked_mut(m as usize) }.add(diff);
 
             //compress y coordinates
             let k_bits = self.ic_dx.k();
-            let median = unsafe { self.common.last_y_diff_median.get_unchecked(m as usize).get() };
+            let median = unsafe {
+                self.common
+                    .last_y_diff_median
+                    .get_unchecked(m as usize)
+                    .get()
+            };
             let diff = current_point.y.wrapping_sub(self.last_point.y);
-            let context = (n == 1) as u32 + if k_bits < 20 { utils::u32_zero_bit(k_bits) } else { 20 };
+            let context = (n == 1) as u32
+                + if k_bits < 20 {
+                    utils::u32_zero_bit(k_bits)
+                } else {
+                    20
+                };
             self.ic_dy.compress(&mut encoder, median, diff, context)?;
             unsafe {
-                self.common.last_y_diff_median.get_unchecked_mut(m as usize).add(diff);
+                self.common
+                    .last_y_diff_median
+                    .get_unchecked_mut(m as usize)
+                    .add(diff);
             }
 
             //compress z coordinates
             let k_bits = (self.ic_dx.k() + self.ic_dy.k()) / 2;
-            let context = (n == 1) as u32 + if k_bits < 18 { utils::u32_zero_bit(k_bits) } else { 18 };
+            let context = (n == 1) as u32
+                + if k_bits < 18 {
+                    utils::u32_zero_bit(k_bits)
+                } else {
+                    18
+                };
             self.ic_z.compress(
                 &mut encoder,
                 *unsafe { self.common.last_height.get_unchecked(l as usize) },
@@ -836,11 +982,25 @@ pub mod v2 {
         fn default() -> Self {
             Self {
                 last_point: Default::default(),
-                ic_intensity: IntegerDecompressorBuilder::new().bits(16).contexts(4).build_initialized(),
-                ic_point_source_id: IntegerDecompressorBuilder::new().bits(16).build_initialized(),
-                ic_dx: IntegerDecompressorBuilder::new().bits(32).contexts(2).build_initialized(),
-                ic_dy: IntegerDecompressorBuilder::new().bits(32).contexts(22).build_initialized(),
-                ic_z: IntegerDecompressorBuilder::new().bits(32).contexts(20).build_initialized(),
+                ic_intensity: IntegerDecompressorBuilder::new()
+                    .bits(16)
+                    .contexts(4)
+                    .build_initialized(),
+                ic_point_source_id: IntegerDecompressorBuilder::new()
+                    .bits(16)
+                    .build_initialized(),
+                ic_dx: IntegerDecompressorBuilder::new()
+                    .bits(32)
+                    .contexts(2)
+                    .build_initialized(),
+                ic_dy: IntegerDecompressorBuilder::new()
+                    .bits(32)
+                    .contexts(22)
+                    .build_initialized(),
+                ic_z: IntegerDecompressorBuilder::new()
+                    .bits(32)
+                    .contexts(20)
+                    .build_initialized(),
                 common: Common::new(),
             }
         }
@@ -858,9 +1018,14 @@ pub mod v2 {
             Ok(())
         }
 
-        fn decompress_with(&mut self, mut decoder: &mut ArithmeticDecoder<R>, buf: &mut [u8]) -> std::io::Result<()> {
-            let changed_value =
-                Point10ChangedValues { value: decoder.decode_symbol(&mut self.common.changed_values)? as i32 };
+        fn decompress_with(
+            &mut self,
+            mut decoder: &mut ArithmeticDecoder<R>,
+            buf: &mut [u8],
+        ) -> std::io::Result<()> {
+            let changed_value = Point10ChangedValues {
+                value: decoder.decode_symbol(&mut self.common.changed_values)? as i32,
+            };
 
             let r;
             let n;
@@ -873,7 +1038,9 @@ pub mod v2 {
 
                     if changed_value.bit_fields_changed() {
                         let mut b = self.last_point.bit_fields();
-                        b = decoder.decode_symbol(self.common.bit_byte.get_unchecked_mut(b as usize))? as u8;
+                        b = decoder
+                            .decode_symbol(self.common.bit_byte.get_unchecked_mut(b as usize))?
+                            as u8;
                         self.last_point.set_bit_fields(b);
                     }
 
@@ -890,36 +1057,50 @@ pub mod v2 {
                             i32::from(*self.common.last_intensity.get_unchecked(m as usize)),
                             if m < 3 { u32::from(m) } else { 3 },
                         )? as u16;
-                        *self.common.last_intensity.get_unchecked_mut(m as usize) = self.last_point.intensity;
+                        *self.common.last_intensity.get_unchecked_mut(m as usize) =
+                            self.last_point.intensity;
                     } else {
-                        self.last_point.intensity = *self.common.last_intensity.get_unchecked(m as usize);
+                        self.last_point.intensity =
+                            *self.common.last_intensity.get_unchecked(m as usize);
                     }
 
                     if changed_value.classification_changed() {
-                        self.last_point.set_classification(decoder.decode_symbol(
-                            self.common.classification.get_unchecked_mut(self.last_point.classification as usize),
-                        )? as u8);
+                        self.last_point.set_classification(
+                            decoder.decode_symbol(
+                                self.common
+                                    .classification
+                                    .get_unchecked_mut(self.last_point.classification as usize),
+                            )? as u8,
+                        );
                     }
 
                     if changed_value.scan_angle_rank_changed() {
                         let val = decoder.decode_symbol(
-                            self.common.scan_angle_rank.get_unchecked_mut(self.last_point.scan_direction_flag as usize),
+                            self.common
+                                .scan_angle_rank
+                                .get_unchecked_mut(self.last_point.scan_direction_flag as usize),
                         )? as i8;
-                        self.last_point.scan_angle_rank = self.last_point.scan_angle_rank.wrapping_add(val);
+                        self.last_point.scan_angle_rank =
+                            self.last_point.scan_angle_rank.wrapping_add(val);
                     }
 
                     if changed_value.user_data_changed() {
-                        self.last_point.set_user_data(decoder.decode_symbol(
-                            self.common.user_data.get_unchecked_mut(self.last_point.user_data as usize),
-                        )? as u8);
+                        self.last_point.set_user_data(
+                            decoder.decode_symbol(
+                                self.common
+                                    .user_data
+                                    .get_unchecked_mut(self.last_point.user_data as usize),
+                            )? as u8,
+                        );
                     }
 
                     if changed_value.point_source_id_changed() {
-                        self.last_point.set_point_source_id(self.ic_point_source_id.decompress(
-                            &mut decoder,
-                            i32::from(self.last_point.point_source_id),
-                            0,
-                        )? as u16);
+                        self.last_point
+                            .set_point_source_id(self.ic_point_source_id.decompress(
+                                &mut decoder,
+                                i32::from(self.last_point.point_source_id),
+                                0,
+                            )? as u16);
                     }
                 } else {
                     r = self.last_point.return_number();
@@ -929,24 +1110,53 @@ pub mod v2 {
                 }
 
                 // decompress x
-                let median = self.common.last_x_diff_median.get_unchecked(m as usize).get();
-                let diff = self.ic_dx.decompress(&mut decoder, median, (n == 1) as u32)?;
+                let median = self
+                    .common
+                    .last_x_diff_median
+                    .get_unchecked(m as usize)
+                    .get();
+                let diff = self
+                    .ic_dx
+                    .decompress(&mut decoder, median, (n == 1) as u32)?;
                 self.last_point.x = self.last_point.x.wrapping_add(diff);
-                self.common.last_x_diff_median.get_unchecked_mut(m as usize).add(diff);
+                self.common
+                    .last_x_diff_median
+                    .get_unchecked_mut(m as usize)
+                    .add(diff);
 
                 // decompress y
-                let median = self.common.last_y_diff_median.get_unchecked(m as usize).get();
+                let median = self
+                    .common
+                    .last_y_diff_median
+                    .get_unchecked(m as usize)
+                    .get();
                 let k_bits = self.ic_dx.k();
-                let context = (n == 1) as u32 + if k_bits < 20 { utils::u32_zero_bit(k_bits) } else { 20 };
+                let context = (n == 1) as u32
+                    + if k_bits < 20 {
+                        utils::u32_zero_bit(k_bits)
+                    } else {
+                        20
+                    };
                 let diff = self.ic_dy.decompress(&mut decoder, median, context)?;
                 self.last_point.y = self.last_point.y.wrapping_add(diff);
-                self.common.last_y_diff_median.get_unchecked_mut(m as usize).add(diff);
+                self.common
+                    .last_y_diff_median
+                    .get_unchecked_mut(m as usize)
+                    .add(diff);
 
                 // decompress z coordinate
                 let k_bits = (self.ic_dx.k() + self.ic_dy.k()) / 2;
-                let context = (n == 1) as u32 + if k_bits < 18 { utils::u32_zero_bit(k_bits) } else { 18 };
-                self.last_point.z =
-                    self.ic_z.decompress(&mut decoder, *self.common.last_height.get_unchecked(l as usize), context)?;
+                let context = (n == 1) as u32
+                    + if k_bits < 18 {
+                        utils::u32_zero_bit(k_bits)
+                    } else {
+                        18
+                    };
+                self.last_point.z = self.ic_z.decompress(
+                    &mut decoder,
+                    *self.common.last_height.get_unchecked(l as usize),
+                    context,
+                )?;
                 *self.common.last_height.get_unchecked_mut(l as usize) = self.last_point.z();
             }
             self.last_point.pack_into(buf);

@@ -234,17 +234,26 @@ impl Point6 {
 
 impl Packable for Point6 {
     fn unpack_from(input: &[u8]) -> Self {
-        assert!(input.len() >= Self::SIZE, "Point6::unpack_from expected buffer of 30 bytes");
+        assert!(
+            input.len() >= Self::SIZE,
+            "Point6::unpack_from expected buffer of 30 bytes"
+        );
         unsafe { Self::unpack_from_unchecked(input) }
     }
 
     fn pack_into(&self, output: &mut [u8]) {
-        assert!(output.len() >= Self::SIZE, "Point6::pack_into expected buffer of 30 bytes");
+        assert!(
+            output.len() >= Self::SIZE,
+            "Point6::pack_into expected buffer of 30 bytes"
+        );
         unsafe { self.pack_into_unchecked(output) }
     }
 
     unsafe fn unpack_from_unchecked(input: &[u8]) -> Self {
-        debug_assert!(input.len() >= Self::SIZE, "Point6::unpack_from expected buffer of 30 bytes");
+        debug_assert!(
+            input.len() >= Self::SIZE,
+            "Point6::unpack_from expected buffer of 30 bytes"
+        );
         Point6 {
             x: i32::unpack_from_unchecked(&input[..4]),
             y: i32::unpack_from_unchecked(&input[4..8]),
@@ -262,7 +271,10 @@ impl Packable for Point6 {
     }
 
     unsafe fn pack_into_unchecked(&self, output: &mut [u8]) {
-        debug_assert!(output.len() >= Self::SIZE, "Point6::pack_into expected buffer of 30 bytes");
+        debug_assert!(
+            output.len() >= Self::SIZE,
+            "Point6::pack_into expected buffer of 30 bytes"
+        );
         self.x.pack_into_unchecked(&mut output[..4]);
         self.y.pack_into_unchecked(&mut output[4..8]);
         self.z.pack_into_unchecked(&mut output[8..12]);
@@ -271,8 +283,10 @@ impl Packable for Point6 {
         self.flags.pack_into_unchecked(&mut output[15..16]);
         self.classification.pack_into_unchecked(&mut output[16..17]);
         self.user_data.pack_into_unchecked(&mut output[17..18]);
-        self.scan_angle_rank.pack_into_unchecked(&mut output[18..20]);
-        self.point_source_id.pack_into_unchecked(&mut output[20..22]);
+        self.scan_angle_rank
+            .pack_into_unchecked(&mut output[18..20]);
+        self.point_source_id
+            .pack_into_unchecked(&mut output[20..22]);
         GpsTime::from(self.gps_time).pack_into_unchecked(&mut output[22..30]);
     }
 }
@@ -310,16 +324,20 @@ mod v3_v4 {
 
     use byteorder::{LittleEndian, ReadBytesExt, WriteBytesExt};
 
-    use crate::compressors::{IntegerCompressor, IntegerCompressorBuilder, DEFAULT_COMPRESS_CONTEXTS};
+    use crate::compressors::{
+        IntegerCompressor, IntegerCompressorBuilder, DEFAULT_COMPRESS_CONTEXTS,
+    };
     use crate::decoders::ArithmeticDecoder;
-    use crate::decompressors::{IntegerDecompressor, IntegerDecompressorBuilder, DEFAULT_DECOMPRESS_CONTEXTS};
+    use crate::decompressors::{
+        IntegerDecompressor, IntegerDecompressorBuilder, DEFAULT_DECOMPRESS_CONTEXTS,
+    };
     use crate::encoders::ArithmeticEncoder;
     use crate::las::gps::{endless_sequence_changes, GpsTime, LasGpsTime, MOST_SEQUENCE_CHANGES};
     use crate::las::point6::{u32_zero_bit_0, LasPoint6, Point6};
     use crate::las::selective::DecompressionSelection;
     use crate::las::utils::{
-        copy_bytes_into_decoder, copy_encoder_content_to, i32_quantize, read_and_unpack, StreamingMedian,
-        NUMBER_RETURN_LEVEL_8CT, NUMBER_RETURN_MAP_6CTX,
+        copy_bytes_into_decoder, copy_encoder_content_to, i32_quantize, read_and_unpack,
+        StreamingMedian, NUMBER_RETURN_LEVEL_8CT, NUMBER_RETURN_MAP_6CTX,
     };
     use crate::models::{ArithmeticModel, ArithmeticModelBuilder};
     use crate::packers::Packable;
@@ -327,8 +345,16 @@ mod v3_v4 {
 
     fn compute_last_point_return(last_point: &Point6) -> usize {
         // Create single (3) / first (1) / last (2) / intermediate (0) context from last point return
-        let mut lpr = if last_point.return_number() == 1 { 1 } else { 0 };
-        lpr += if last_point.return_number() >= last_point.number_of_returns_of_given_pulse() { 2 } else { 0 };
+        let mut lpr = if last_point.return_number() == 1 {
+            1
+        } else {
+            0
+        };
+        lpr += if last_point.return_number() >= last_point.number_of_returns_of_given_pulse() {
+            2
+        } else {
+            0
+        };
         // Add info whether the GPS time changed in the last return to the context
         lpr += if last_point.gps_time_change { 4 } else { 0 };
         lpr
@@ -356,7 +382,9 @@ mod v3_v4 {
     impl Default for Point6Models {
         fn default() -> Self {
             Self {
-                changed_values: (0..8).map(|_| ArithmeticModelBuilder::new(128).build()).collect(),
+                changed_values: (0..8)
+                    .map(|_| ArithmeticModelBuilder::new(128).build())
+                    .collect(),
                 scanner_channel: ArithmeticModelBuilder::new(3).build(),
                 number_of_returns: (0..16).map(|_| None).collect(),
                 return_number: (0..16).map(|_| None).collect(),
@@ -364,7 +392,8 @@ mod v3_v4 {
                 classification: (0..64).map(|_| None).collect(),
                 classification_flags: (0..64).map(|_| None).collect(),
                 user_data: (0..64).map(|_| None).collect(),
-                gps_time_multi: ArithmeticModelBuilder::new(LASZIP_GPS_TIME_MULTI_TOTAL as u32).build(),
+                gps_time_multi: ArithmeticModelBuilder::new(LASZIP_GPS_TIME_MULTI_TOTAL as u32)
+                    .build(),
                 gps_time_no_diff: ArithmeticModelBuilder::new(5).build(),
             }
         }
@@ -436,13 +465,33 @@ mod v3_v4 {
     impl Default for Point6Decompressors {
         fn default() -> Self {
             Self {
-                dx: IntegerDecompressorBuilder::new().bits(32).contexts(2).build_initialized(),
-                dy: IntegerDecompressorBuilder::new().bits(32).contexts(22).build_initialized(),
-                z: IntegerDecompressorBuilder::new().bits(32).contexts(20).build_initialized(),
-                intensity: IntegerDecompressorBuilder::new().bits(16).contexts(4).build_initialized(),
-                scan_angle: IntegerDecompressorBuilder::new().bits(16).contexts(2).build_initialized(),
-                source_id: IntegerDecompressorBuilder::new().bits(16).build_initialized(),
-                gps_time: IntegerDecompressorBuilder::new().bits(32).contexts(9).build_initialized(),
+                dx: IntegerDecompressorBuilder::new()
+                    .bits(32)
+                    .contexts(2)
+                    .build_initialized(),
+                dy: IntegerDecompressorBuilder::new()
+                    .bits(32)
+                    .contexts(22)
+                    .build_initialized(),
+                z: IntegerDecompressorBuilder::new()
+                    .bits(32)
+                    .contexts(20)
+                    .build_initialized(),
+                intensity: IntegerDecompressorBuilder::new()
+                    .bits(16)
+                    .contexts(4)
+                    .build_initialized(),
+                scan_angle: IntegerDecompressorBuilder::new()
+                    .bits(16)
+                    .contexts(2)
+                    .build_initialized(),
+                source_id: IntegerDecompressorBuilder::new()
+                    .bits(16)
+                    .build_initialized(),
+                gps_time: IntegerDecompressorBuilder::new()
+                    .bits(32)
+                    .contexts(9)
+                    .build_initialized(),
             }
         }
     }
@@ -482,9 +531,11 @@ mod v3_v4 {
 
     const LASZIP_GPS_TIME_MULTI: i32 = 500;
     const LASZIP_GPS_TIME_MULTI_MINUS: i32 = -10;
-    const LASZIP_GPS_TIME_MULTI_CODE_FULL: i32 = LASZIP_GPS_TIME_MULTI - LASZIP_GPS_TIME_MULTI_MINUS + 1;
+    const LASZIP_GPS_TIME_MULTI_CODE_FULL: i32 =
+        LASZIP_GPS_TIME_MULTI - LASZIP_GPS_TIME_MULTI_MINUS + 1;
 
-    const LASZIP_GPS_TIME_MULTI_TOTAL: i32 = LASZIP_GPS_TIME_MULTI - LASZIP_GPS_TIME_MULTI_MINUS + 5;
+    const LASZIP_GPS_TIME_MULTI_TOTAL: i32 =
+        LASZIP_GPS_TIME_MULTI - LASZIP_GPS_TIME_MULTI_MINUS + 5;
 
     #[derive(Clone)]
     struct GpsTimeSequences {
@@ -652,61 +703,95 @@ mod v3_v4 {
 
             let mut multi: i32;
             if the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last] == 0 {
-                multi = self.decoders.gps_time.decode_symbol(&mut the_context.models.gps_time_no_diff)? as i32;
+                multi = self
+                    .decoders
+                    .gps_time
+                    .decode_symbol(&mut the_context.models.gps_time_no_diff)?
+                    as i32;
                 if multi == 0 {
                     // The difference can be represented with 32 bits
                     the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last] =
-                        the_context.decompressors.gps_time.decompress(&mut self.decoders.gps_time, 0, 0)?;
+                        the_context.decompressors.gps_time.decompress(
+                            &mut self.decoders.gps_time,
+                            0,
+                            0,
+                        )?;
                     the_context.gps_sequences.last_gps_times[the_context.gps_sequences.last] +=
-                        i64::from(the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last]);
-                    the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last] = 0;
+                        i64::from(
+                            the_context.gps_sequences.last_gps_diffs
+                                [the_context.gps_sequences.last],
+                        );
+                    the_context.gps_sequences.multi_extreme_counter
+                        [the_context.gps_sequences.last] = 0;
                 } else if multi == 1 {
                     // Difference is huge
                     the_context.gps_sequences.next = (the_context.gps_sequences.next + 1) & 3;
-                    let last_gps_time = the_context.gps_sequences.last_gps_times[the_context.gps_sequences.last].value;
-                    let next_gps_time = &mut the_context.gps_sequences.last_gps_times[the_context.gps_sequences.next];
+                    let last_gps_time = the_context.gps_sequences.last_gps_times
+                        [the_context.gps_sequences.last]
+                        .value;
+                    let next_gps_time = &mut the_context.gps_sequences.last_gps_times
+                        [the_context.gps_sequences.next];
 
-                    next_gps_time.value = i64::from(the_context.decompressors.gps_time.decompress(
-                        &mut self.decoders.gps_time,
-                        (last_gps_time >> 32) as i32,
-                        8,
-                    )?);
+                    next_gps_time.value =
+                        i64::from(the_context.decompressors.gps_time.decompress(
+                            &mut self.decoders.gps_time,
+                            (last_gps_time >> 32) as i32,
+                            8,
+                        )?);
                     next_gps_time.value <<= 32;
                     next_gps_time.value |= i64::from(self.decoders.gps_time.read_int()?);
                     the_context.gps_sequences.last = the_context.gps_sequences.next;
                     the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last] = 0;
-                    the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last] = 0;
+                    the_context.gps_sequences.multi_extreme_counter
+                        [the_context.gps_sequences.last] = 0;
                 } else {
                     // We switch to another sequence
-                    the_context.gps_sequences.last = (the_context.gps_sequences.last + multi as usize - 1) & 3;
+                    the_context.gps_sequences.last =
+                        (the_context.gps_sequences.last + multi as usize - 1) & 3;
                     return Ok(true);
                 }
             } else {
-                multi = self.decoders.gps_time.decode_symbol(&mut the_context.models.gps_time_multi)? as i32;
+                multi = self
+                    .decoders
+                    .gps_time
+                    .decode_symbol(&mut the_context.models.gps_time_multi)?
+                    as i32;
                 if multi == 1 {
                     the_context.gps_sequences.last_gps_times[the_context.gps_sequences.last] +=
                         i64::from(the_context.decompressors.gps_time.decompress(
                             &mut self.decoders.gps_time,
-                            the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last],
+                            the_context.gps_sequences.last_gps_diffs
+                                [the_context.gps_sequences.last],
                             1,
                         )?);
-                    the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last] = 0;
+                    the_context.gps_sequences.multi_extreme_counter
+                        [the_context.gps_sequences.last] = 0;
                 } else if multi < LASZIP_GPS_TIME_MULTI_CODE_FULL {
                     let gps_time_diff: i32;
                     if multi == 0 {
-                        gps_time_diff =
-                            the_context.decompressors.gps_time.decompress(&mut self.decoders.gps_time, 0, 7)?;
-                        the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last] += 1;
-                        if the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last] > 3 {
-                            the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last] = gps_time_diff;
-                            the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last] = 0;
+                        gps_time_diff = the_context.decompressors.gps_time.decompress(
+                            &mut self.decoders.gps_time,
+                            0,
+                            7,
+                        )?;
+                        the_context.gps_sequences.multi_extreme_counter
+                            [the_context.gps_sequences.last] += 1;
+                        if the_context.gps_sequences.multi_extreme_counter
+                            [the_context.gps_sequences.last]
+                            > 3
+                        {
+                            the_context.gps_sequences.last_gps_diffs
+                                [the_context.gps_sequences.last] = gps_time_diff;
+                            the_context.gps_sequences.multi_extreme_counter
+                                [the_context.gps_sequences.last] = 0;
                         }
                     } else if multi < LASZIP_GPS_TIME_MULTI {
                         if multi < 10 {
                             gps_time_diff = the_context.decompressors.gps_time.decompress(
                                 &mut self.decoders.gps_time,
                                 multi.wrapping_mul(
-                                    the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last],
+                                    the_context.gps_sequences.last_gps_diffs
+                                        [the_context.gps_sequences.last],
                                 ),
                                 2,
                             )?;
@@ -714,7 +799,8 @@ mod v3_v4 {
                             gps_time_diff = the_context.decompressors.gps_time.decompress(
                                 &mut self.decoders.gps_time,
                                 multi.wrapping_mul(
-                                    the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last],
+                                    the_context.gps_sequences.last_gps_diffs
+                                        [the_context.gps_sequences.last],
                                 ),
                                 3,
                             )?;
@@ -723,13 +809,20 @@ mod v3_v4 {
                         gps_time_diff = the_context.decompressors.gps_time.decompress(
                             &mut self.decoders.gps_time,
                             LASZIP_GPS_TIME_MULTI
-                                * the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last],
+                                * the_context.gps_sequences.last_gps_diffs
+                                    [the_context.gps_sequences.last],
                             4,
                         )?;
-                        the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last] += 1;
-                        if the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last] > 3 {
-                            the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last] = gps_time_diff;
-                            the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last] = 0;
+                        the_context.gps_sequences.multi_extreme_counter
+                            [the_context.gps_sequences.last] += 1;
+                        if the_context.gps_sequences.multi_extreme_counter
+                            [the_context.gps_sequences.last]
+                            > 3
+                        {
+                            the_context.gps_sequences.last_gps_diffs
+                                [the_context.gps_sequences.last] = gps_time_diff;
+                            the_context.gps_sequences.multi_extreme_counter
+                                [the_context.gps_sequences.last] = 0;
                         }
                     } else {
                         multi = LASZIP_GPS_TIME_MULTI - multi;
@@ -737,7 +830,8 @@ mod v3_v4 {
                             gps_time_diff = the_context.decompressors.gps_time.decompress(
                                 &mut self.decoders.gps_time,
                                 multi.wrapping_mul(
-                                    the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last],
+                                    the_context.gps_sequences.last_gps_diffs
+                                        [the_context.gps_sequences.last],
                                 ),
                                 5,
                             )?;
@@ -745,15 +839,21 @@ mod v3_v4 {
                             gps_time_diff = the_context.decompressors.gps_time.decompress(
                                 &mut self.decoders.gps_time,
                                 LASZIP_GPS_TIME_MULTI_MINUS.wrapping_mul(
-                                    the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last],
+                                    the_context.gps_sequences.last_gps_diffs
+                                        [the_context.gps_sequences.last],
                                 ),
                                 6,
                             )?;
-                            the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last] += 1;
-                            if the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last] > 3 {
-                                the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last] =
-                                    gps_time_diff;
-                                the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last] = 0;
+                            the_context.gps_sequences.multi_extreme_counter
+                                [the_context.gps_sequences.last] += 1;
+                            if the_context.gps_sequences.multi_extreme_counter
+                                [the_context.gps_sequences.last]
+                                > 3
+                            {
+                                the_context.gps_sequences.last_gps_diffs
+                                    [the_context.gps_sequences.last] = gps_time_diff;
+                                the_context.gps_sequences.multi_extreme_counter
+                                    [the_context.gps_sequences.last] = 0;
                             }
                         }
                     }
@@ -762,20 +862,27 @@ mod v3_v4 {
                 } else if multi == LASZIP_GPS_TIME_MULTI_CODE_FULL {
                     the_context.gps_sequences.next = (the_context.gps_sequences.next + 1) & 3;
                     the_context.gps_sequences.last_gps_times[the_context.gps_sequences.next] =
-                        GpsTime::from(i64::from(the_context.decompressors.gps_time.decompress(
-                            &mut self.decoders.gps_time,
-                            (the_context.gps_sequences.last_gps_times[the_context.gps_sequences.last].value >> 32)
-                                as i32,
-                            8,
-                        )?));
-                    the_context.gps_sequences.last_gps_times[the_context.gps_sequences.next].value <<= 32;
-                    the_context.gps_sequences.last_gps_times[the_context.gps_sequences.next].value |=
-                        self.decoders.gps_time.read_int()? as i64;
+                        GpsTime::from(i64::from(
+                            the_context.decompressors.gps_time.decompress(
+                                &mut self.decoders.gps_time,
+                                (the_context.gps_sequences.last_gps_times
+                                    [the_context.gps_sequences.last]
+                                    .value
+                                    >> 32) as i32,
+                                8,
+                            )?,
+                        ));
+                    the_context.gps_sequences.last_gps_times[the_context.gps_sequences.next]
+                        .value <<= 32;
+                    the_context.gps_sequences.last_gps_times[the_context.gps_sequences.next]
+                        .value |= self.decoders.gps_time.read_int()? as i64;
                     the_context.gps_sequences.last = the_context.gps_sequences.next;
                     the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last] = 0;
-                    the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last] = 0;
+                    the_context.gps_sequences.multi_extreme_counter
+                        [the_context.gps_sequences.last] = 0;
                 } else if multi >= LASZIP_GPS_TIME_MULTI_CODE_FULL {
-                    the_context.gps_sequences.last = (the_context.gps_sequences.last + multi as usize
+                    the_context.gps_sequences.last = (the_context.gps_sequences.last
+                        + multi as usize
                         - LASZIP_GPS_TIME_MULTI_CODE_FULL as usize)
                         & 3;
                     return Ok(true);
@@ -785,7 +892,9 @@ mod v3_v4 {
         }
     }
 
-    impl<const VERSION: usize, R: Read + Seek> LayeredFieldDecompressor<R> for LasPoint6DecompressorImpl<VERSION> {
+    impl<const VERSION: usize, R: Read + Seek> LayeredFieldDecompressor<R>
+        for LasPoint6DecompressorImpl<VERSION>
+    {
         fn size_of_field(&self) -> usize {
             Point6::SIZE
         }
@@ -822,27 +931,34 @@ mod v3_v4 {
             Ok(())
         }
 
-        fn decompress_field_with(&mut self, current_point: &mut [u8], context: &mut usize) -> std::io::Result<()> {
+        fn decompress_field_with(
+            &mut self,
+            current_point: &mut [u8],
+            context: &mut usize,
+        ) -> std::io::Result<()> {
             let changed_values = {
                 let the_context = &mut self.contexts[self.current_context];
                 let last_point = &mut the_context.last_point;
 
                 let lpr = compute_last_point_return(last_point);
 
-                self.decoders.channel_returns_xy.decode_symbol(&mut the_context.models.changed_values[lpr])?
+                self.decoders
+                    .channel_returns_xy
+                    .decode_symbol(&mut the_context.models.changed_values[lpr])?
             };
 
             // Scanner channel changed
             if is_nth_bit_set!(changed_values, 6) {
-                let diff = self
-                    .decoders
-                    .channel_returns_xy
-                    .decode_symbol(&mut self.contexts[self.current_context].models.scanner_channel)?;
+                let diff = self.decoders.channel_returns_xy.decode_symbol(
+                    &mut self.contexts[self.current_context].models.scanner_channel,
+                )?;
                 let scanner_channel = (self.current_context + diff as usize + 1) % 4; // TODO: num_context const ?
 
                 if self.contexts[scanner_channel as usize].unused {
                     self.contexts[scanner_channel as usize] =
-                        Point6DecompressionContext::from_last_point(&self.contexts[self.current_context].last_point);
+                        Point6DecompressionContext::from_last_point(
+                            &self.contexts[self.current_context].last_point,
+                        );
                 }
 
                 // Switch context to current channel
@@ -851,8 +967,15 @@ mod v3_v4 {
                     *context = self.current_context;
                 }
 
-                self.contexts[self.current_context].last_point.set_scanner_channel(scanner_channel as u8);
-                assert_eq!(self.contexts[self.current_context].last_point.scanner_channel(), scanner_channel as u8);
+                self.contexts[self.current_context]
+                    .last_point
+                    .set_scanner_channel(scanner_channel as u8);
+                assert_eq!(
+                    self.contexts[self.current_context]
+                        .last_point
+                        .scanner_channel(),
+                    scanner_channel as u8
+                );
             }
             if VERSION == 4 {
                 *context = self.current_context;
@@ -937,26 +1060,42 @@ mod v3_v4 {
                 median = the_context.last_y_diff_median5[idx].get();
                 k_bits = the_context.decompressors.dx.k();
                 let mut context = if n == 1 { 1 } else { 0 };
-                context += if k_bits < 20 { u32_zero_bit_0(k_bits) } else { 20 };
-                diff =
-                    the_context.decompressors.dy.decompress(&mut self.decoders.channel_returns_xy, median, context)?;
+                context += if k_bits < 20 {
+                    u32_zero_bit_0(k_bits)
+                } else {
+                    20
+                };
+                diff = the_context.decompressors.dy.decompress(
+                    &mut self.decoders.channel_returns_xy,
+                    median,
+                    context,
+                )?;
                 last_point.y = last_point.y.wrapping_add(diff);
                 the_context.last_y_diff_median5[idx].add(diff);
 
                 // Decompress Z
                 if self.should_decompress.z {
-                    k_bits = (the_context.decompressors.dx.k() + the_context.decompressors.dy.k()) / 2;
+                    k_bits =
+                        (the_context.decompressors.dx.k() + the_context.decompressors.dy.k()) / 2;
                     let mut context = if n == 1 { 1 } else { 0 };
-                    context += if k_bits < 18 { u32_zero_bit_0(k_bits) } else { 18 };
-                    last_point.z =
-                        the_context.decompressors.z.decompress(&mut self.decoders.z, the_context.last_z[l], context)?;
+                    context += if k_bits < 18 {
+                        u32_zero_bit_0(k_bits)
+                    } else {
+                        18
+                    };
+                    last_point.z = the_context.decompressors.z.decompress(
+                        &mut self.decoders.z,
+                        the_context.last_z[l],
+                        context,
+                    )?;
                     the_context.last_z[l] = last_point.z;
                 }
 
                 // Decompress classification
                 if self.should_decompress.classification {
                     let last_classification = last_point.classification;
-                    let ccc = (((last_classification & 0x1F) << 1) + (if cpr == 3 { 1 } else { 0 })) as usize;
+                    let ccc = (((last_classification & 0x1F) << 1) + (if cpr == 3 { 1 } else { 0 }))
+                        as usize;
                     last_point.classification = self.decoders.classification.decode_symbol(
                         &mut the_context.models.classification[ccc]
                             .get_or_insert_with(|| ArithmeticModelBuilder::new(256).build()),
@@ -1045,8 +1184,12 @@ mod v3_v4 {
                 src,
             )?;
 
-            self.should_decompress.z =
-                copy_bytes_into_decoder(self.is_requested.z, num_bytes.z, &mut self.decoders.z, src)?;
+            self.should_decompress.z = copy_bytes_into_decoder(
+                self.is_requested.z,
+                num_bytes.z,
+                &mut self.decoders.z,
+                src,
+            )?;
 
             self.should_decompress.classification = copy_bytes_into_decoder(
                 self.is_requested.classification,
@@ -1055,8 +1198,12 @@ mod v3_v4 {
                 src,
             )?;
 
-            self.should_decompress.flags =
-                copy_bytes_into_decoder(self.is_requested.flags, num_bytes.flags, &mut self.decoders.flags, src)?;
+            self.should_decompress.flags = copy_bytes_into_decoder(
+                self.is_requested.flags,
+                num_bytes.flags,
+                &mut self.decoders.flags,
+                src,
+            )?;
 
             self.should_decompress.intensity = copy_bytes_into_decoder(
                 self.is_requested.intensity,
@@ -1136,13 +1283,31 @@ mod v3_v4 {
     impl Default for Point6Compressors {
         fn default() -> Self {
             Self {
-                dx: IntegerCompressorBuilder::new().bits(32).contexts(2).build_initialized(),
-                dy: IntegerCompressorBuilder::new().bits(32).contexts(22).build_initialized(),
-                z: IntegerCompressorBuilder::new().bits(32).contexts(20).build_initialized(),
-                intensity: IntegerCompressorBuilder::new().bits(16).contexts(4).build_initialized(),
-                scan_angle: IntegerCompressorBuilder::new().bits(16).contexts(2).build_initialized(),
+                dx: IntegerCompressorBuilder::new()
+                    .bits(32)
+                    .contexts(2)
+                    .build_initialized(),
+                dy: IntegerCompressorBuilder::new()
+                    .bits(32)
+                    .contexts(22)
+                    .build_initialized(),
+                z: IntegerCompressorBuilder::new()
+                    .bits(32)
+                    .contexts(20)
+                    .build_initialized(),
+                intensity: IntegerCompressorBuilder::new()
+                    .bits(16)
+                    .contexts(4)
+                    .build_initialized(),
+                scan_angle: IntegerCompressorBuilder::new()
+                    .bits(16)
+                    .contexts(2)
+                    .build_initialized(),
                 source_id: IntegerCompressorBuilder::new().bits(16).build_initialized(),
-                gps_time: IntegerCompressorBuilder::new().bits(32).contexts(9).build_initialized(),
+                gps_time: IntegerCompressorBuilder::new()
+                    .bits(32)
+                    .contexts(9)
+                    .build_initialized(),
             }
         }
     }
@@ -1204,7 +1369,12 @@ mod v3_v4 {
                     Point6CompressionContext::default(),
                     Point6CompressionContext::default(),
                 ],
-                last_values: [Point6::default(), Point6::default(), Point6::default(), Point6::default()],
+                last_values: [
+                    Point6::default(),
+                    Point6::default(),
+                    Point6::default(),
+                    Point6::default(),
+                ],
             }
         }
     }
@@ -1215,23 +1385,33 @@ mod v3_v4 {
             if the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last] == 0 {
                 // if the last integer difference was zero
                 // calculate the difference between the two doubles as an integer
-                let curr_gps_time_diff_64 = i64::from(gps_time)
-                    .wrapping_sub(i64::from(the_context.gps_sequences.last_gps_times[the_context.gps_sequences.last]));
+                let curr_gps_time_diff_64 = i64::from(gps_time).wrapping_sub(i64::from(
+                    the_context.gps_sequences.last_gps_times[the_context.gps_sequences.last],
+                ));
                 let curr_gps_time_diff = curr_gps_time_diff_64 as i32;
                 if i64::from(curr_gps_time_diff) == curr_gps_time_diff_64 {
                     // the difference can be represented with 32 bits
-                    self.encoders.gps_time.encode_symbol(&mut the_context.models.gps_time_no_diff, 0)?;
-                    the_context.compressors.gps_time.compress(&mut self.encoders.gps_time, 0, curr_gps_time_diff, 0)?;
-                    the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last] = curr_gps_time_diff;
-                    the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last] = 0;
+                    self.encoders
+                        .gps_time
+                        .encode_symbol(&mut the_context.models.gps_time_no_diff, 0)?;
+                    the_context.compressors.gps_time.compress(
+                        &mut self.encoders.gps_time,
+                        0,
+                        curr_gps_time_diff,
+                        0,
+                    )?;
+                    the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last] =
+                        curr_gps_time_diff;
+                    the_context.gps_sequences.multi_extreme_counter
+                        [the_context.gps_sequences.last] = 0;
                 } else {
                     // The difference is huge
                     // Maybe the double belongs to another sequence
                     let mut other_sequence = None;
                     for i in 1..4 {
                         let idx = (the_context.gps_sequences.last + i) & 3;
-                        let other_gps_time_diff_64 =
-                            i64::from(gps_time).wrapping_sub(i64::from(the_context.gps_sequences.last_gps_times[idx]));
+                        let other_gps_time_diff_64 = i64::from(gps_time)
+                            .wrapping_sub(i64::from(the_context.gps_sequences.last_gps_times[idx]));
                         let other_gps_time_diff = other_gps_time_diff_64 as i32;
                         if i64::from(other_gps_time_diff) == other_gps_time_diff_64 {
                             other_sequence = Some(i);
@@ -1239,85 +1419,106 @@ mod v3_v4 {
                         }
                     }
                     if let Some(i) = other_sequence {
-                        self.encoders
-                            .gps_time
-                            .encode_symbol(&mut the_context.models.gps_time_no_diff, (i + 1) as u32)?;
+                        self.encoders.gps_time.encode_symbol(
+                            &mut the_context.models.gps_time_no_diff,
+                            (i + 1) as u32,
+                        )?;
                         the_context.gps_sequences.last = (the_context.gps_sequences.last + i) & 3;
                         return self.compress_gps_time(gps_time);
                     } else {
                         // Lets start a new sequence
-                        self.encoders.gps_time.encode_symbol(&mut the_context.models.gps_time_no_diff, 1)?;
+                        self.encoders
+                            .gps_time
+                            .encode_symbol(&mut the_context.models.gps_time_no_diff, 1)?;
                         the_context.compressors.gps_time.compress(
                             &mut self.encoders.gps_time,
-                            (i64::from(the_context.gps_sequences.last_gps_times[the_context.gps_sequences.last]) >> 32)
-                                as i32,
+                            (i64::from(
+                                the_context.gps_sequences.last_gps_times
+                                    [the_context.gps_sequences.last],
+                            ) >> 32) as i32,
                             (i64::from(gps_time) >> 32) as i32,
                             8,
                         )?;
-                        self.encoders.gps_time.write_int(i64::from(gps_time) as u32)?;
+                        self.encoders
+                            .gps_time
+                            .write_int(i64::from(gps_time) as u32)?;
                         the_context.gps_sequences.next += 1;
                         the_context.gps_sequences.next &= 3;
                         the_context.gps_sequences.last = the_context.gps_sequences.next;
-                        the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last] = 0;
-                        the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last] = 0;
+                        the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last] =
+                            0;
+                        the_context.gps_sequences.multi_extreme_counter
+                            [the_context.gps_sequences.last] = 0;
                     }
-                    the_context.gps_sequences.last_gps_times[the_context.gps_sequences.last] = gps_time;
+                    the_context.gps_sequences.last_gps_times[the_context.gps_sequences.last] =
+                        gps_time;
                 }
             } else {
                 // the last integer difference was *not* zero
                 let curr_gps_time_diff_64 = i64::from(gps_time)
-                    - i64::from(the_context.gps_sequences.last_gps_times[the_context.gps_sequences.last]);
+                    - i64::from(
+                        the_context.gps_sequences.last_gps_times[the_context.gps_sequences.last],
+                    );
                 let curr_gps_time_diff = curr_gps_time_diff_64 as i32;
 
                 if curr_gps_time_diff_64 == i64::from(curr_gps_time_diff) {
                     // if the current gps_time difference can be represented with 32 bits
                     let multi_f = (curr_gps_time_diff as f32)
-                        / (the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last] as f32);
+                        / (the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last]
+                            as f32);
                     let multi = i32_quantize(multi_f);
 
                     // compress the residual curr_gps_time_diff in dependence on the multiplier
                     if multi == 1 {
                         // this is the case we assume we get most often for regular spaced pulses
-                        self.encoders.gps_time.encode_symbol(&mut the_context.models.gps_time_multi, 1)?;
+                        self.encoders
+                            .gps_time
+                            .encode_symbol(&mut the_context.models.gps_time_multi, 1)?;
                         the_context.compressors.gps_time.compress(
                             &mut self.encoders.gps_time,
-                            the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last],
+                            the_context.gps_sequences.last_gps_diffs
+                                [the_context.gps_sequences.last],
                             curr_gps_time_diff,
                             1,
                         )?;
-                        the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last] = 0;
+                        the_context.gps_sequences.multi_extreme_counter
+                            [the_context.gps_sequences.last] = 0;
                     } else if multi > 0 {
                         if multi < LASZIP_GPS_TIME_MULTI {
                             // positive multipliers up to LASZIP_GPS_TIME_MULTI are compressed directly
-                            self.encoders
-                                .gps_time
-                                .encode_symbol(&mut the_context.models.gps_time_multi, multi as u32)?;
+                            self.encoders.gps_time.encode_symbol(
+                                &mut the_context.models.gps_time_multi,
+                                multi as u32,
+                            )?;
                             let context = if multi < 10 { 2 } else { 3 };
                             the_context.compressors.gps_time.compress(
                                 &mut self.encoders.gps_time,
                                 multi.wrapping_mul(
-                                    the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last],
+                                    the_context.gps_sequences.last_gps_diffs
+                                        [the_context.gps_sequences.last],
                                 ),
                                 curr_gps_time_diff,
                                 context,
                             )?;
                         } else {
-                            self.encoders
-                                .gps_time
-                                .encode_symbol(&mut the_context.models.gps_time_multi, LASZIP_GPS_TIME_MULTI as u32)?;
+                            self.encoders.gps_time.encode_symbol(
+                                &mut the_context.models.gps_time_multi,
+                                LASZIP_GPS_TIME_MULTI as u32,
+                            )?;
                             the_context.compressors.gps_time.compress(
                                 &mut self.encoders.gps_time,
                                 LASZIP_GPS_TIME_MULTI
-                                    * the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last],
+                                    * the_context.gps_sequences.last_gps_diffs
+                                        [the_context.gps_sequences.last],
                                 curr_gps_time_diff,
                                 4,
                             )?;
-                            let counter =
-                                &mut the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last];
+                            let counter = &mut the_context.gps_sequences.multi_extreme_counter
+                                [the_context.gps_sequences.last];
                             *counter += 1;
                             if *counter > 3 {
-                                the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last] =
-                                    curr_gps_time_diff;
+                                the_context.gps_sequences.last_gps_diffs
+                                    [the_context.gps_sequences.last] = curr_gps_time_diff;
                                 *counter = 0;
                             }
                         }
@@ -1331,7 +1532,8 @@ mod v3_v4 {
                             the_context.compressors.gps_time.compress(
                                 &mut self.encoders.gps_time,
                                 multi.wrapping_mul(
-                                    the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last],
+                                    the_context.gps_sequences.last_gps_diffs
+                                        [the_context.gps_sequences.last],
                                 ),
                                 curr_gps_time_diff,
                                 5,
@@ -1345,35 +1547,38 @@ mod v3_v4 {
                             the_context.compressors.gps_time.compress(
                                 &mut self.encoders.gps_time,
                                 LASZIP_GPS_TIME_MULTI_MINUS.wrapping_mul(
-                                    the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last],
+                                    the_context.gps_sequences.last_gps_diffs
+                                        [the_context.gps_sequences.last],
                                 ),
                                 curr_gps_time_diff,
                                 6,
                             )?;
-                            let counter =
-                                &mut the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last];
+                            let counter = &mut the_context.gps_sequences.multi_extreme_counter
+                                [the_context.gps_sequences.last];
                             *counter += 1;
                             if *counter > 3 {
-                                the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last] =
-                                    curr_gps_time_diff;
+                                the_context.gps_sequences.last_gps_diffs
+                                    [the_context.gps_sequences.last] = curr_gps_time_diff;
                                 *counter = 0;
                             }
                         }
                     } else {
                         //TODO this codes is just copy pasta + changed values compared to above
-                        self.encoders.gps_time.encode_symbol(&mut the_context.models.gps_time_multi, 0)?;
+                        self.encoders
+                            .gps_time
+                            .encode_symbol(&mut the_context.models.gps_time_multi, 0)?;
                         the_context.compressors.gps_time.compress(
                             &mut self.encoders.gps_time,
                             0,
                             curr_gps_time_diff,
                             7,
                         )?;
-                        let counter =
-                            &mut the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last];
+                        let counter = &mut the_context.gps_sequences.multi_extreme_counter
+                            [the_context.gps_sequences.last];
                         *counter += 1;
                         if *counter > 3 {
-                            the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last] =
-                                curr_gps_time_diff;
+                            the_context.gps_sequences.last_gps_diffs
+                                [the_context.gps_sequences.last] = curr_gps_time_diff;
                             *counter = 0;
                         }
                     }
@@ -1381,7 +1586,8 @@ mod v3_v4 {
                     // the difference is huge
                     for i in 1..4 {
                         let other_gps_time_diff_64 = i64::from(gps_time).wrapping_sub(i64::from(
-                            the_context.gps_sequences.last_gps_times[(the_context.gps_sequences.last + i) & 3],
+                            the_context.gps_sequences.last_gps_times
+                                [(the_context.gps_sequences.last + i) & 3],
                         ));
                         let other_gps_time_diff = other_gps_time_diff_64 as i32;
                         if other_gps_time_diff_64 == i64::from(other_gps_time_diff) {
@@ -1402,17 +1608,22 @@ mod v3_v4 {
                     )?;
                     the_context.compressors.gps_time.compress(
                         &mut self.encoders.gps_time,
-                        (i64::from(the_context.gps_sequences.last_gps_times[the_context.gps_sequences.last]) >> 32)
-                            as i32,
+                        (i64::from(
+                            the_context.gps_sequences.last_gps_times
+                                [the_context.gps_sequences.last],
+                        ) >> 32) as i32,
                         (i64::from(gps_time) >> 32) as i32,
                         8,
                     )?;
-                    self.encoders.gps_time.write_int(i64::from(gps_time) as u32)?;
+                    self.encoders
+                        .gps_time
+                        .write_int(i64::from(gps_time) as u32)?;
                     the_context.gps_sequences.next += 1;
                     the_context.gps_sequences.next &= 3;
                     the_context.gps_sequences.last = the_context.gps_sequences.next;
                     the_context.gps_sequences.last_gps_diffs[the_context.gps_sequences.last] = 0;
-                    the_context.gps_sequences.multi_extreme_counter[the_context.gps_sequences.last] = 0;
+                    the_context.gps_sequences.multi_extreme_counter
+                        [the_context.gps_sequences.last] = 0;
                 }
                 the_context.gps_sequences.last_gps_times[the_context.gps_sequences.last] = gps_time;
             }
@@ -1421,12 +1632,19 @@ mod v3_v4 {
         }
     }
 
-    impl<const VERSION: usize, W: Write> LayeredFieldCompressor<W> for LasPoint6CompressorImpl<VERSION> {
+    impl<const VERSION: usize, W: Write> LayeredFieldCompressor<W>
+        for LasPoint6CompressorImpl<VERSION>
+    {
         fn size_of_field(&self) -> usize {
             Point6::SIZE
         }
 
-        fn init_first_point(&mut self, dst: &mut W, first_point: &[u8], context: &mut usize) -> std::io::Result<()> {
+        fn init_first_point(
+            &mut self,
+            dst: &mut W,
+            first_point: &[u8],
+            context: &mut usize,
+        ) -> std::io::Result<()> {
             for context in &mut self.contexts {
                 context.unused = true;
             }
@@ -1441,7 +1659,11 @@ mod v3_v4 {
             Ok(())
         }
 
-        fn compress_field_with(&mut self, current_point: &[u8], context: &mut usize) -> std::io::Result<()> {
+        fn compress_field_with(
+            &mut self,
+            current_point: &[u8],
+            context: &mut usize,
+        ) -> std::io::Result<()> {
             let mut last_point = &mut self.last_values[self.current_context];
             let current_point = Point6::unpack_from(current_point);
 
@@ -1490,9 +1712,10 @@ mod v3_v4 {
             if scanner_channel_changed {
                 let diff = i32::from(scanner_channel) - self.current_context as i32;
                 let symbol = if diff > 0 { diff - 1 } else { diff + 4 - 1 };
-                self.encoders
-                    .channel_returns_xy
-                    .encode_symbol(&mut self.contexts[self.current_context].models.scanner_channel, symbol as u32)?;
+                self.encoders.channel_returns_xy.encode_symbol(
+                    &mut self.contexts[self.current_context].models.scanner_channel,
+                    symbol as u32,
+                )?;
 
                 if self.contexts[scanner_channel as usize].unused {
                     self.contexts[scanner_channel as usize].init_from_last(last_point);
@@ -1514,7 +1737,9 @@ mod v3_v4 {
             if (changed_values & (1 << 2)) != 0 {
                 let model = the_context.models.number_of_returns[last_n]
                     .get_or_insert_with(|| ArithmeticModelBuilder::new(16).build());
-                self.encoders.channel_returns_xy.encode_symbol(model, u32::from(n))?;
+                self.encoders
+                    .channel_returns_xy
+                    .encode_symbol(model, u32::from(n))?;
             }
 
             // if return number is different and difference is bigger than +1 / -1
@@ -1523,13 +1748,16 @@ mod v3_v4 {
                 if gps_time_changed {
                     let model = the_context.models.return_number[last_r]
                         .get_or_insert_with(|| ArithmeticModelBuilder::new(16).build());
-                    self.encoders.channel_returns_xy.encode_symbol(model, u32::from(r))?;
+                    self.encoders
+                        .channel_returns_xy
+                        .encode_symbol(model, u32::from(r))?;
                 } else {
                     let diff = i32::from(r) - last_r as i32;
                     let sym = if diff > 1 { diff - 2 } else { diff + 16 - 2 };
-                    self.encoders
-                        .channel_returns_xy
-                        .encode_symbol(&mut the_context.models.return_number_gps_same, sym as u32)?;
+                    self.encoders.channel_returns_xy.encode_symbol(
+                        &mut the_context.models.return_number_gps_same,
+                        sym as u32,
+                    )?;
                 }
             }
 
@@ -1559,13 +1787,28 @@ mod v3_v4 {
             let k_bits = the_context.compressors.dx.k();
             let median = the_context.last_y_diff_median5[idx].get();
             let diff = current_point.y().wrapping_sub(last_point.y);
-            let context = (n == 1) as u32 + if k_bits < 20 { u32_zero_bit_0(k_bits) } else { 20 };
-            the_context.compressors.dy.compress(&mut self.encoders.channel_returns_xy, median, diff, context)?;
+            let context = (n == 1) as u32
+                + if k_bits < 20 {
+                    u32_zero_bit_0(k_bits)
+                } else {
+                    20
+                };
+            the_context.compressors.dy.compress(
+                &mut self.encoders.channel_returns_xy,
+                median,
+                diff,
+                context,
+            )?;
             the_context.last_y_diff_median5[idx].add(diff);
 
             // Compress Z
             let k_bits = (the_context.compressors.dx.k() + the_context.compressors.dy.k()) / 2;
-            let context = (n == 1) as u32 + if k_bits < 18 { u32_zero_bit_0(k_bits) } else { 18 };
+            let context = (n == 1) as u32
+                + if k_bits < 18 {
+                    u32_zero_bit_0(k_bits)
+                } else {
+                    18
+                };
             the_context.compressors.z.compress(
                 &mut self.encoders.z,
                 the_context.last_z[l as usize],
@@ -1582,9 +1825,11 @@ mod v3_v4 {
                 self.has_changed.classification = true;
             }
             let ccc = ((last_classification & 0x1F) << 1) as usize + (cpr == 3) as usize;
-            let model =
-                the_context.models.classification[ccc].get_or_insert_with(|| ArithmeticModelBuilder::new(256).build());
-            self.encoders.classification.encode_symbol(model, u32::from(classification))?;
+            let model = the_context.models.classification[ccc]
+                .get_or_insert_with(|| ArithmeticModelBuilder::new(256).build());
+            self.encoders
+                .classification
+                .encode_symbol(model, u32::from(classification))?;
 
             // Compress flags
             let last_flags = last_point.classification_flags()
@@ -1607,11 +1852,14 @@ mod v3_v4 {
             }
             the_context.compressors.intensity.compress(
                 &mut self.encoders.intensity,
-                i32::from(the_context.last_intensities[(cpr << 1) as usize | gps_time_changed as usize]),
+                i32::from(
+                    the_context.last_intensities[(cpr << 1) as usize | gps_time_changed as usize],
+                ),
                 i32::from(current_point.intensity),
                 cpr,
             )?;
-            the_context.last_intensities[(cpr << 1) as usize | gps_time_changed as usize] = current_point.intensity();
+            the_context.last_intensities[(cpr << 1) as usize | gps_time_changed as usize] =
+                current_point.intensity();
 
             // Compress scan angle
             if scan_angle_changed {
@@ -1629,8 +1877,14 @@ mod v3_v4 {
                 self.has_changed.user_data = true;
             }
             let model = the_context.models.user_data[last_point.user_data as usize / 4]
-                .get_or_insert_with(|| ArithmeticModelBuilder::new(256).with_compression(true).build());
-            self.encoders.user_data.encode_symbol(model, u32::from(current_point.user_data))?;
+                .get_or_insert_with(|| {
+                    ArithmeticModelBuilder::new(256)
+                        .with_compression(true)
+                        .build()
+                });
+            self.encoders
+                .user_data
+                .encode_symbol(model, u32::from(current_point.user_data))?;
 
             // Compress point source id
             if point_source_changed {

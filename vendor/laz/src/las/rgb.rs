@@ -211,7 +211,8 @@ pub mod v1 {
             context: u32,
             last_byte_value: u8,
         ) -> std::io::Result<i32> {
-            self.decompressor.decompress(decoder, i32::from(last_byte_value), context)
+            self.decompressor
+                .decompress(decoder, i32::from(last_byte_value), context)
         }
     }
 
@@ -226,7 +227,10 @@ pub mod v1 {
             Self {
                 last: Default::default(),
                 byte_used_model: ArithmeticModelBuilder::new(64).build(),
-                compressor: IntegerCompressorBuilder::new().bits(8).contexts(6).build_initialized(),
+                compressor: IntegerCompressorBuilder::new()
+                    .bits(8)
+                    .contexts(6)
+                    .build_initialized(),
             }
         }
     }
@@ -241,39 +245,66 @@ pub mod v1 {
             Ok(())
         }
 
-        fn decompress_with(&mut self, decoder: &mut ArithmeticDecoder<R>, buf: &mut [u8]) -> std::io::Result<()> {
-            let color_diff = ColorDiff::new(decoder.decode_symbol(&mut self.byte_used_model)? as u8);
+        fn decompress_with(
+            &mut self,
+            decoder: &mut ArithmeticDecoder<R>,
+            buf: &mut [u8],
+        ) -> std::io::Result<()> {
+            let color_diff =
+                ColorDiff::new(decoder.decode_symbol(&mut self.byte_used_model)? as u8);
 
             if color_diff.lower_red_byte_changed() {
-                let new_lower_red = self.decompress_byte(decoder, LOWER_RED_BYTE_CONTEXT, lower_byte(self.last.red))?;
+                let new_lower_red = self.decompress_byte(
+                    decoder,
+                    LOWER_RED_BYTE_CONTEXT,
+                    lower_byte(self.last.red),
+                )?;
                 self.last.red = new_lower_red as u16 | self.last.red & 0xFF00
             }
 
             if color_diff.upper_red_byte_changed() {
-                self.last.red |=
-                    (self.decompress_byte(decoder, UPPER_RED_BYTE_CONTEXT, upper_byte(self.last.red))? as u16) << 8;
+                self.last.red |= (self.decompress_byte(
+                    decoder,
+                    UPPER_RED_BYTE_CONTEXT,
+                    upper_byte(self.last.red),
+                )? as u16)
+                    << 8;
             }
 
             if color_diff.lower_green_byte_changed() {
-                let new_lower_green =
-                    self.decompress_byte(decoder, LOWER_GREEN_BYTE_CONTEXT, lower_byte(self.last.green))?;
+                let new_lower_green = self.decompress_byte(
+                    decoder,
+                    LOWER_GREEN_BYTE_CONTEXT,
+                    lower_byte(self.last.green),
+                )?;
                 self.last.green = new_lower_green as u16 | self.last.green & 0xFF00;
             }
 
             if color_diff.upper_green_byte_changed() {
-                self.last.green |=
-                    (self.decompress_byte(decoder, UPPER_GREEN_BYTE_CONTEXT, upper_byte(self.last.green))? as u16) << 8;
+                self.last.green |= (self.decompress_byte(
+                    decoder,
+                    UPPER_GREEN_BYTE_CONTEXT,
+                    upper_byte(self.last.green),
+                )? as u16)
+                    << 8;
             }
 
             if color_diff.lower_blue_byte_changed() {
-                let new_lower_blue =
-                    self.decompress_byte(decoder, LOWER_BLUE_BYTE_CONTEXT, lower_byte(self.last.blue))?;
+                let new_lower_blue = self.decompress_byte(
+                    decoder,
+                    LOWER_BLUE_BYTE_CONTEXT,
+                    lower_byte(self.last.blue),
+                )?;
                 self.last.blue = new_lower_blue as u16 | self.last.blue & 0xFF00;
             }
 
             if color_diff.upper_blue_byte_changed() {
-                self.last.blue |=
-                    (self.decompress_byte(decoder, UPPER_BLUE_BYTE_CONTEXT, upper_byte(self.last.blue))? as u16) << 8;
+                self.last.blue |= (self.decompress_byte(
+                    decoder,
+                    UPPER_BLUE_BYTE_CONTEXT,
+                    upper_byte(self.last.blue),
+                )? as u16)
+                    << 8;
             }
             self.last.pack_into(buf);
             Ok(())
@@ -290,7 +321,11 @@ pub mod v1 {
             dst.write_all(buf)
         }
 
-        fn compress_with(&mut self, mut encoder: &mut ArithmeticEncoder<W>, buf: &[u8]) -> std::io::Result<()> {
+        fn compress_with(
+            &mut self,
+            mut encoder: &mut ArithmeticEncoder<W>,
+            buf: &[u8],
+        ) -> std::io::Result<()> {
             let current_point = RGB::unpack_from(buf);
             let sym = ((lower_byte(self.last.red()) != lower_byte(current_point.red())) as u8) << 0
                 | ((upper_byte(self.last.red()) != upper_byte(current_point.red())) as u8) << 1
@@ -430,8 +465,9 @@ pub mod v2 {
             }
 
             if color_diff.lower_blue_byte_changed() {
-                diff_l =
-                    (diff_l + i32::from(lower_byte(current_rgb.green())) - i32::from(lower_byte(last_rgb.green))) / 2;
+                diff_l = (diff_l + i32::from(lower_byte(current_rgb.green()))
+                    - i32::from(lower_byte(last_rgb.green)))
+                    / 2;
                 corr = i32::from(lower_byte(current_rgb.blue))
                     - i32::from(u8_clamp(diff_l + i32::from(lower_byte(last_rgb.blue))));
                 encoder.encode_symbol(&mut models.lower_blue_byte, u32::from(corr as u8))?;
@@ -444,8 +480,9 @@ pub mod v2 {
             }
 
             if color_diff.upper_blue_byte_changed() {
-                diff_h =
-                    (diff_h + i32::from(upper_byte(current_rgb.green)) - i32::from(upper_byte(last_rgb.green))) / 2;
+                diff_h = (diff_h + i32::from(upper_byte(current_rgb.green))
+                    - i32::from(upper_byte(last_rgb.green)))
+                    / 2;
                 corr = i32::from(upper_byte(current_rgb.blue))
                     - i32::from(u8_clamp(diff_h + i32::from(upper_byte(last_rgb.blue))));
                 encoder.encode_symbol(&mut models.upper_blue_byte, u32::from(corr as u8))?;
@@ -461,7 +498,10 @@ pub mod v2 {
 
     impl Default for LasRGBCompressor {
         fn default() -> Self {
-            Self { last: RGB::default(), models: RGBModels::default() }
+            Self {
+                last: RGB::default(),
+                models: RGBModels::default(),
+            }
         }
     }
 
@@ -475,7 +515,11 @@ pub mod v2 {
             dst.write_all(buf)
         }
 
-        fn compress_with(&mut self, encoder: &mut ArithmeticEncoder<W>, buf: &[u8]) -> std::io::Result<()> {
+        fn compress_with(
+            &mut self,
+            encoder: &mut ArithmeticEncoder<W>,
+            buf: &[u8],
+        ) -> std::io::Result<()> {
             let current_point = super::RGB::unpack_from(&buf);
             compress_rgb_using(encoder, &mut self.models, &current_point, &self.last)?;
             self.last = current_point;
@@ -490,7 +534,10 @@ pub mod v2 {
 
     impl Default for LasRGBDecompressor {
         fn default() -> Self {
-            Self { last: RGB::default(), models: RGBModels::default() }
+            Self {
+                last: RGB::default(),
+                models: RGBModels::default(),
+            }
         }
     }
 
@@ -525,15 +572,20 @@ pub mod v2 {
 
             if color_diff.lower_green_byte_changed() {
                 corr = decoder.decode_symbol(&mut models.lower_green_byte)? as u8;
-                this_val.green = u16::from(corr.wrapping_add(u8_clamp(diff + i32::from(lower_byte(last.green)))));
+                this_val.green = u16::from(
+                    corr.wrapping_add(u8_clamp(diff + i32::from(lower_byte(last.green)))),
+                );
             } else {
                 this_val.green = last.green & 0x00FF;
             }
 
             if color_diff.lower_blue_byte_changed() {
                 corr = decoder.decode_symbol(&mut models.lower_blue_byte)? as u8;
-                diff = (diff + i32::from(lower_byte(this_val.green)) - i32::from(lower_byte(last.green))) / 2;
-                this_val.blue = u16::from(corr.wrapping_add(u8_clamp(diff + i32::from(lower_byte(last.blue)))));
+                diff = (diff + i32::from(lower_byte(this_val.green))
+                    - i32::from(lower_byte(last.green)))
+                    / 2;
+                this_val.blue =
+                    u16::from(corr.wrapping_add(u8_clamp(diff + i32::from(lower_byte(last.blue)))));
             } else {
                 this_val.blue = last.blue & 0x00FF;
             }
@@ -541,16 +593,22 @@ pub mod v2 {
             diff = i32::from(upper_byte(this_val.red)) - i32::from(upper_byte(last.red));
             if color_diff.upper_green_byte_changed() {
                 corr = decoder.decode_symbol(&mut models.upper_green_byte)? as u8;
-                this_val.green |= u16::from(corr.wrapping_add(u8_clamp(diff + i32::from(upper_byte(last.green))))) << 8;
+                this_val.green |= u16::from(
+                    corr.wrapping_add(u8_clamp(diff + i32::from(upper_byte(last.green)))),
+                ) << 8;
             } else {
                 this_val.green |= last.green & 0xFF00;
             }
 
             if color_diff.upper_blue_byte_changed() {
                 corr = decoder.decode_symbol(&mut models.upper_blue_byte)? as u8;
-                diff = (diff + i32::from(upper_byte(this_val.green)) - i32::from(upper_byte(last.green))) / 2;
+                diff = (diff + i32::from(upper_byte(this_val.green))
+                    - i32::from(upper_byte(last.green)))
+                    / 2;
 
-                this_val.blue |= u16::from(corr.wrapping_add(u8_clamp(diff + i32::from(upper_byte(last.blue))))) << 8;
+                this_val.blue |=
+                    u16::from(corr.wrapping_add(u8_clamp(diff + i32::from(upper_byte(last.blue)))))
+                        << 8;
             } else {
                 this_val.blue |= last.blue & 0xFF00;
             }
@@ -571,7 +629,11 @@ pub mod v2 {
             Ok(())
         }
 
-        fn decompress_with(&mut self, decoder: &mut ArithmeticDecoder<R>, buf: &mut [u8]) -> std::io::Result<()> {
+        fn decompress_with(
+            &mut self,
+            decoder: &mut ArithmeticDecoder<R>,
+            buf: &mut [u8],
+        ) -> std::io::Result<()> {
             let this_val = decompress_rgb_using(decoder, &mut self.models, &self.last)?;
             self.last = this_val;
             this_val.pack_into(buf);
@@ -602,7 +664,9 @@ mod v3_v4 {
     use crate::encoders::ArithmeticEncoder;
     use crate::las::rgb::RGB;
     use crate::las::selective::DecompressionSelection;
-    use crate::las::utils::{copy_bytes_into_decoder, copy_encoder_content_to, inner_buffer_len_of, read_and_unpack};
+    use crate::las::utils::{
+        copy_bytes_into_decoder, copy_encoder_content_to, inner_buffer_len_of, read_and_unpack,
+    };
     use crate::packers::Packable;
     use crate::record::{LayeredFieldCompressor, LayeredFieldDecompressor};
 
@@ -615,7 +679,10 @@ mod v3_v4 {
 
     impl Default for LasDecompressionContextRGB {
         fn default() -> Self {
-            Self { models: v2::RGBModels::default(), unused: false }
+            Self {
+                models: v2::RGBModels::default(),
+                unused: false,
+            }
         }
     }
 
@@ -657,7 +724,9 @@ mod v3_v4 {
         }
     }
 
-    impl<const VERSION: usize, R: Read + Seek> LayeredFieldDecompressor<R> for LasRGBDecompressorImpl<VERSION> {
+    impl<const VERSION: usize, R: Read + Seek> LayeredFieldDecompressor<R>
+        for LasRGBDecompressorImpl<VERSION>
+    {
         fn size_of_field(&self) -> usize {
             std::mem::size_of::<u16>() * 3
         }
@@ -682,7 +751,11 @@ mod v3_v4 {
             Ok(())
         }
 
-        fn decompress_field_with(&mut self, current_point: &mut [u8], context: &mut usize) -> std::io::Result<()> {
+        fn decompress_field_with(
+            &mut self,
+            current_point: &mut [u8],
+            context: &mut usize,
+        ) -> std::io::Result<()> {
             // Index of the last item used as prediction
             let mut last_idx = self.last_context_used;
 
@@ -723,8 +796,12 @@ mod v3_v4 {
         }
 
         fn read_layers(&mut self, src: &mut R) -> std::io::Result<()> {
-            self.should_decompress =
-                copy_bytes_into_decoder(self.is_requested, self.layer_size as usize, &mut self.decoder, src)?;
+            self.should_decompress = copy_bytes_into_decoder(
+                self.is_requested,
+                self.layer_size as usize,
+                &mut self.decoder,
+                src,
+            )?;
             Ok(())
         }
     }
@@ -755,7 +832,12 @@ mod v3_v4 {
             RGB::SIZE
         }
 
-        fn init_first_point(&mut self, dst: &mut W, first_point: &[u8], context: &mut usize) -> std::io::Result<()> {
+        fn init_first_point(
+            &mut self,
+            dst: &mut W,
+            first_point: &[u8],
+            context: &mut usize,
+        ) -> std::io::Result<()> {
             dst.write_all(first_point)?;
             self.contexts[*context] = Some(v2::RGBModels::default());
             self.last_rgbs[*context] = Some(RGB::unpack_from(first_point));
@@ -783,12 +865,14 @@ mod v3_v4 {
                 }
             }
 
-            let last_rgb = self.last_rgbs[last_idx].expect("internal error: last value is not initialized");
+            let last_rgb =
+                self.last_rgbs[last_idx].expect("internal error: last value is not initialized");
             if last_rgb != current_point {
                 self.rgb_has_changed = true;
             }
-            let models =
-                self.contexts[self.last_context_used].as_mut().expect("internal error: context is not initialized");
+            let models = self.contexts[self.last_context_used]
+                .as_mut()
+                .expect("internal error: context is not initialized");
             v2::compress_rgb_using(&mut self.encoder, models, &current_point, &last_rgb)?;
             self.last_rgbs[last_idx] = Some(current_point);
             Ok(())
@@ -839,8 +923,16 @@ mod test {
 
     #[test]
     fn lower_red_changed() {
-        let a = RGB { red: 0, green: 0, blue: 0 };
-        let b = RGB { red: 1, green: 0, blue: 0 };
+        let a = RGB {
+            red: 0,
+            green: 0,
+            blue: 0,
+        };
+        let b = RGB {
+            red: 1,
+            green: 0,
+            blue: 0,
+        };
 
         assert_eq!(ColorDiff::from_points(&a, &b).0, 0b00000001);
         assert_eq!(ColorDiff::from_points(&b, &a).0, 0b01000001);
@@ -848,8 +940,16 @@ mod test {
 
     #[test]
     fn upper_red_changed() {
-        let a = RGB { red: 0, green: 0, blue: 0 };
-        let b = RGB { red: 256, green: 0, blue: 0 };
+        let a = RGB {
+            red: 0,
+            green: 0,
+            blue: 0,
+        };
+        let b = RGB {
+            red: 256,
+            green: 0,
+            blue: 0,
+        };
 
         assert_eq!(ColorDiff::from_points(&a, &b).0, 0b00000010);
         assert_eq!(ColorDiff::from_points(&b, &a).0, 0b01000010);
@@ -857,8 +957,16 @@ mod test {
 
     #[test]
     fn lower_green_changes() {
-        let a = RGB { red: 0, green: 0, blue: 0 };
-        let b = RGB { red: 0, green: 1, blue: 0 };
+        let a = RGB {
+            red: 0,
+            green: 0,
+            blue: 0,
+        };
+        let b = RGB {
+            red: 0,
+            green: 1,
+            blue: 0,
+        };
 
         assert_eq!(ColorDiff::from_points(&a, &b).0, 0b00000100);
         assert_eq!(ColorDiff::from_points(&b, &a).0, 0b01000100);
@@ -866,8 +974,16 @@ mod test {
 
     #[test]
     fn upper_green_changes() {
-        let a = RGB { red: 0, green: 0, blue: 0 };
-        let b = RGB { red: 0, green: 256, blue: 0 };
+        let a = RGB {
+            red: 0,
+            green: 0,
+            blue: 0,
+        };
+        let b = RGB {
+            red: 0,
+            green: 256,
+            blue: 0,
+        };
 
         assert_eq!(ColorDiff::from_points(&a, &b).0, 0b00001000);
         assert_eq!(ColorDiff::from_points(&b, &a).0, 0b01001000);
@@ -875,8 +991,16 @@ mod test {
 
     #[test]
     fn lower_blue_changes() {
-        let a = RGB { red: 0, green: 0, blue: 0 };
-        let b = RGB { red: 0, green: 0, blue: 1 };
+        let a = RGB {
+            red: 0,
+            green: 0,
+            blue: 0,
+        };
+        let b = RGB {
+            red: 0,
+            green: 0,
+            blue: 1,
+        };
 
         assert_eq!(ColorDiff::from_points(&a, &b).0, 0b00010000);
         assert_eq!(ColorDiff::from_points(&b, &a).0, 0b01010000);
@@ -884,8 +1008,16 @@ mod test {
 
     #[test]
     fn upper_blue_changes() {
-        let a = RGB { red: 0, green: 0, blue: 0 };
-        let b = RGB { red: 0, green: 0, blue: 256 };
+        let a = RGB {
+            red: 0,
+            green: 0,
+            blue: 0,
+        };
+        let b = RGB {
+            red: 0,
+            green: 0,
+            blue: 256,
+        };
 
         assert_eq!(ColorDiff::from_points(&a, &b).0, 0b00100000);
         assert_eq!(ColorDiff::from_points(&b, &a).0, 0b01100000);

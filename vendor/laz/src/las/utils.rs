@@ -41,7 +41,10 @@ pub struct StreamingMedian<T: Zero + Copy + PartialOrd> {
 
 impl<T: Zero + Copy + PartialOrd> StreamingMedian<T> {
     pub fn new() -> Self {
-        Self { values: [T::zero(); 5], high: true }
+        Self {
+            values: [T::zero(); 5],
+            high: true,
+        }
     }
 
     pub fn add(&mut self, v: T) {
@@ -206,7 +209,10 @@ pub(crate) fn copy_encoder_content_to<W: Write>(
 }
 
 #[inline(always)]
-pub(crate) fn read_and_unpack<R: Read, P: Packable>(src: &mut R, buf: &mut [u8]) -> std::io::Result<P> {
+pub(crate) fn read_and_unpack<R: Read, P: Packable>(
+    src: &mut R,
+    buf: &mut [u8],
+) -> std::io::Result<P> {
     src.read_exact(buf)?;
     Ok(P::unpack_from(buf))
 }

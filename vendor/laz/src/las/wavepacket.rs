@@ -117,11 +117,20 @@ pub mod v1 {
                     ArithmeticModelBuilder::new(4).build(),
                     ArithmeticModelBuilder::new(4).build(),
                 ],
-                idc_offset_diff: IntegerDecompressorBuilder::new().bits(32).build_initialized(),
-                idc_packet_size: IntegerDecompressorBuilder::new().bits(32).build_initialized(),
-                idc_return_point: IntegerDecompressorBuilder::new().bits(32).build_initialized(),
+                idc_offset_diff: IntegerDecompressorBuilder::new()
+                    .bits(32)
+                    .build_initialized(),
+                idc_packet_size: IntegerDecompressorBuilder::new()
+                    .bits(32)
+                    .build_initialized(),
+                idc_return_point: IntegerDecompressorBuilder::new()
+                    .bits(32)
+                    .build_initialized(),
                 // 3 contexts as this is used to decompress dx, dy, dz
-                idc_xyz: IntegerDecompressorBuilder::new().bits(32).contexts(3).build_initialized(),
+                idc_xyz: IntegerDecompressorBuilder::new()
+                    .bits(32)
+                    .contexts(3)
+                    .build_initialized(),
             }
         }
     }
@@ -139,24 +148,35 @@ pub mod v1 {
             Ok(())
         }
 
-        fn decompress_with(&mut self, decoder: &mut ArithmeticDecoder<R>, buf: &mut [u8]) -> std::io::Result<()> {
+        fn decompress_with(
+            &mut self,
+            decoder: &mut ArithmeticDecoder<R>,
+            buf: &mut [u8],
+        ) -> std::io::Result<()> {
             let mut current_wavepacket = LasWavepacket::default();
 
-            current_wavepacket.descriptor_index = decoder.decode_symbol(&mut self.packet_index_model)? as u8;
+            current_wavepacket.descriptor_index =
+                decoder.decode_symbol(&mut self.packet_index_model)? as u8;
 
-            self.last_sym_offset_diff =
-                decoder.decode_symbol(&mut self.offset_diff_model[self.last_sym_offset_diff as usize])?;
+            self.last_sym_offset_diff = decoder
+                .decode_symbol(&mut self.offset_diff_model[self.last_sym_offset_diff as usize])?;
 
             match self.last_sym_offset_diff {
                 0 => {
                     current_wavepacket.offset = self.last_wavepacket.offset;
                 }
                 1 => {
-                    current_wavepacket.offset = self.last_wavepacket.offset + u64::from(self.last_wavepacket.size);
+                    current_wavepacket.offset =
+                        self.last_wavepacket.offset + u64::from(self.last_wavepacket.size);
                 }
                 2 => {
-                    self.last_offset_diff = self.idc_offset_diff.decompress(decoder, self.last_offset_diff, 0)?;
-                    current_wavepacket.offset = self.last_wavepacket.offset.wrapping_add(self.last_offset_diff as u64);
+                    self.last_offset_diff =
+                        self.idc_offset_diff
+                            .decompress(decoder, self.last_offset_diff, 0)?;
+                    current_wavepacket.offset = self
+                        .last_wavepacket
+                        .offset
+                        .wrapping_add(self.last_offset_diff as u64);
                 }
                 _ => {
                     current_wavepacket.offset = decoder.read_int_64()?;
@@ -164,7 +184,9 @@ pub mod v1 {
             }
 
             current_wavepacket.size =
-                self.idc_packet_size.decompress(decoder, self.last_wavepacket.size as i32, 0)? as u32;
+                self.idc_packet_size
+                    .decompress(decoder, self.last_wavepacket.size as i32, 0)?
+                    as u32;
 
             // return_point
             let pred = i32::from_le_bytes(self.last_wavepacket.return_point.to_le_bytes());
@@ -228,7 +250,10 @@ pub mod v1 {
                 ic_packet_size: IntegerCompressorBuilder::new().bits(32).build_initialized(),
                 ic_return_point: IntegerCompressorBuilder::new().bits(32).build_initialized(),
                 // 3 contexts as this is used to decompress dx, dy, dz
-                ic_xyz: IntegerCompressorBuilder::new().bits(32).contexts(3).build_initialized(),
+                ic_xyz: IntegerCompressorBuilder::new()
+                    .bits(32)
+                    .contexts(3)
+                    .build_initialized(),
             }
         }
     }
@@ -247,9 +272,16 @@ pub mod v1 {
             dst.write_all(buf)
         }
 
-        fn compress_with(&mut self, encoder: &mut ArithmeticEncoder<W>, buf: &[u8]) -> std::io::Result<()> {
+        fn compress_with(
+            &mut self,
+            encoder: &mut ArithmeticEncoder<W>,
+            buf: &[u8],
+        ) -> std::io::Result<()> {
             let current_item = LasWavepacket::unpack_from(buf);
-            encoder.encode_symbol(&mut self.packet_index_model, u32::from(current_item.descriptor_index))?;
+            encoder.encode_symbol(
+                &mut self.packet_index_model,
+                u32::from(current_item.descriptor_index),
+            )?;
 
             let offset_diff_64 = current_item.offset as i64 - self.last_wavepacket.offset as i64;
             let offset_diff_32 = offset_diff_64 as i32;
@@ -271,18 +303,31 @@ pub mod v1 {
                 )?;
 
                 if new_syn_offset_diff == 2 {
-                    self.ic_offset_diff.compress(encoder, self.last_offset_diff, offset_diff_32, 0)?;
+                    self.ic_offset_diff.compress(
+                        encoder,
+                        self.last_offset_diff,
+                        offset_diff_32,
+                        0,
+                    )?;
                     self.last_offset_diff = offset_diff_32;
                 }
 
                 self.last_sym_offset_diff = new_syn_offset_diff;
             } else {
-                encoder.encode_symbol(&mut self.offset_diff_model[self.last_sym_offset_diff as usize], 3)?;
+                encoder.encode_symbol(
+                    &mut self.offset_diff_model[self.last_sym_offset_diff as usize],
+                    3,
+                )?;
                 self.last_sym_offset_diff = 3;
                 encoder.write_int64(current_item.offset)?;
             }
 
-            self.ic_packet_size.compress(encoder, self.last_wavepacket.size as i32, current_item.size as i32, 0)?;
+            self.ic_packet_size.compress(
+                encoder,
+                self.last_wavepacket.size as i32,
+                current_item.size as i32,
+                0,
+            )?;
 
             // return_point
             let pred = i32::from_le_bytes(self.last_wavepacket.return_point.to_le_bytes());
@@ -327,10 +372,14 @@ mod v3_v4 {
     use crate::decoders::ArithmeticDecoder;
     use crate::encoders::ArithmeticEncoder;
     use crate::las::selective::DecompressionSelection;
-    use crate::las::utils::{copy_bytes_into_decoder, copy_encoder_content_to, inner_buffer_len_of};
+    use crate::las::utils::{
+        copy_bytes_into_decoder, copy_encoder_content_to, inner_buffer_len_of,
+    };
     use crate::las::wavepacket::LasWavepacket;
     use crate::packers::Packable;
-    use crate::record::{FieldCompressor, FieldDecompressor, LayeredFieldCompressor, LayeredFieldDecompressor};
+    use crate::record::{
+        FieldCompressor, FieldDecompressor, LayeredFieldCompressor, LayeredFieldDecompressor,
+    };
     use byteorder::{LittleEndian, ReadBytesExt, WriteBytesExt};
     use std::io::{Cursor, Read, Seek, Write};
 
@@ -341,7 +390,10 @@ mod v3_v4 {
 
     impl Default for LasDecompressionContextWavepacket {
         fn default() -> Self {
-            Self { decompressor: Default::default(), unused: false }
+            Self {
+                decompressor: Default::default(),
+                unused: false,
+            }
         }
     }
 
@@ -413,7 +465,9 @@ mod v3_v4 {
                 context.unused = true;
             }
 
-            self.contexts[*context].decompressor.decompress_first(src, first_point)?;
+            self.contexts[*context]
+                .decompressor
+                .decompress_first(src, first_point)?;
             self.contexts[*context].unused = false;
             self.last_context = *context;
             self.last_wavepackets[*context] = self.contexts[*context].decompressor.last_wavepacket;
@@ -421,7 +475,11 @@ mod v3_v4 {
             Ok(())
         }
 
-        fn decompress_field_with(&mut self, current_point: &mut [u8], context_idx: &mut usize) -> std::io::Result<()> {
+        fn decompress_field_with(
+            &mut self,
+            current_point: &mut [u8],
+            context_idx: &mut usize,
+        ) -> std::io::Result<()> {
             // Index of the last item used as prediction
             let mut last_idx = self.last_context;
 
@@ -444,7 +502,9 @@ mod v3_v4 {
             if self.should_decompress {
                 let context = &mut self.contexts[self.last_context];
                 context.decompressor.last_wavepacket = self.last_wavepackets[last_idx];
-                context.decompressor.decompress_with(&mut self.decoder, current_point)?;
+                context
+                    .decompressor
+                    .decompress_with(&mut self.decoder, current_point)?;
                 self.last_wavepackets[last_idx] = LasWavepacket::unpack_from(current_point);
             } else {
                 self.last_wavepackets[last_idx].pack_into(current_point);
@@ -459,8 +519,12 @@ mod v3_v4 {
         }
 
         fn read_layers(&mut self, src: &mut R) -> std::io::Result<()> {
-            self.should_decompress =
-                copy_bytes_into_decoder(self.is_requested, self.layer_size as usize, &mut self.decoder, src)?;
+            self.should_decompress = copy_bytes_into_decoder(
+                self.is_requested,
+                self.layer_size as usize,
+                &mut self.decoder,
+                src,
+            )?;
             Ok(())
         }
     }
@@ -472,7 +536,10 @@ mod v3_v4 {
 
     impl Default for LasCompressionContextWavepacket {
         fn default() -> Self {
-            Self { compressor: Default::default(), unused: false }
+            Self {
+                compressor: Default::default(),
+                unused: false,
+            }
         }
     }
 
@@ -522,19 +589,30 @@ mod v3_v4 {
             LasWavepacket::SIZE
         }
 
-        fn init_first_point(&mut self, dst: &mut W, first_point: &[u8], context: &mut usize) -> std::io::Result<()> {
+        fn init_first_point(
+            &mut self,
+            dst: &mut W,
+            first_point: &[u8],
+            context: &mut usize,
+        ) -> std::io::Result<()> {
             for context in &mut self.contexts {
                 context.unused = true;
             }
 
-            self.contexts[*context].compressor.compress_first(dst, first_point)?;
+            self.contexts[*context]
+                .compressor
+                .compress_first(dst, first_point)?;
             self.last_wavepackets[*context] = self.contexts[*context].compressor.last_wavepacket;
             self.contexts[*context].unused = false;
             self.last_context = *context;
             Ok(())
         }
 
-        fn compress_field_with(&mut self, current_point: &[u8], context: &mut usize) -> std::io::Result<()> {
+        fn compress_field_with(
+            &mut self,
+            current_point: &[u8],
+            context: &mut usize,
+        ) -> std::io::Result<()> {
             let current_wavepacket = LasWavepacket::unpack_from(current_point);
             // Index of the last item used as prediction
             let mut last_idx = self.last_context;
@@ -560,7 +638,8 @@ mod v3_v4 {
 
             let ctx = &mut self.contexts[*context];
             ctx.compressor.last_wavepacket = self.last_wavepackets[last_idx];
-            ctx.compressor.compress_with(&mut self.encoder, current_point)?;
+            ctx.compressor
+                .compress_with(&mut self.encoder, current_point)?;
             self.last_wavepackets[last_idx] = ctx.compressor.last_wavepacket;
 
             Ok(())

@@ -76,7 +76,8 @@ impl ChunkTable {
     /// This of course will only give correct results if the chunk table stored in the source
     /// contains both these information. Which is the case for **variable-sized** chunks.
     fn read_as_variably_sized<R: Read + Seek>(mut src: R) -> crate::Result<Self> {
-        let (data_start, chunk_table_start) = Self::read_offset(&mut src)?.ok_or(LasZipError::MissingChunkTable)?;
+        let (data_start, chunk_table_start) =
+            Self::read_offset(&mut src)?.ok_or(LasZipError::MissingChunkTable)?;
         src.seek(SeekFrom::Start(chunk_table_start))?;
         let chunk_table = Self::read(&mut src, true)?;
         src.seek(SeekFrom::Start(data_start + 8))?;
@@ -88,7 +89,8 @@ impl ChunkTable {
     /// This is for the case when chunks are  **fixed-size**.
     /// Each chunk entry will have the given `point_count` as the point_count.
     fn read_as_fixed_size<R: Read + Seek>(mut src: R, point_count: u64) -> crate::Result<Self> {
-        let (data_start, chunk_table_start) = Self::read_offset(&mut src)?.ok_or(LasZipError::MissingChunkTable)?;
+        let (data_start, chunk_table_start) =
+            Self::read_offset(&mut src)?.ok_or(LasZipError::MissingChunkTable)?;
         src.seek(SeekFrom::Start(chunk_table_start))?;
         let mut chunk_table = Self::read(&mut src, false)?;
         src.seek(SeekFrom::Start(data_start + 8))?;
@@ -131,7 +133,10 @@ impl ChunkTable {
     ///
     /// This function *does not* put the src position at the actual start of points data.
     /// It leaves the position at the end of the chunk table.
-    pub fn read<R: Read + Seek>(mut src: &mut R, contains_point_count: bool) -> std::io::Result<Self> {
+    pub fn read<R: Read + Seek>(
+        mut src: &mut R,
+        contains_point_count: bool,
+    ) -> std::io::Result<Self> {
         let _version = src.read_u32::<LittleEndian>()?;
         let number_of_chunks = src.read_u32::<LittleEndian>()?;
 
@@ -139,14 +144,20 @@ impl ChunkTable {
             return Ok(Self::default());
         }
 
-        let mut decompressor = IntegerDecompressorBuilder::new().bits(32).contexts(2).build_initialized();
+        let mut decompressor = IntegerDecompressorBuilder::new()
+            .bits(32)
+            .contexts(2)
+            .build_initialized();
         let mut decoder = ArithmeticDecoder::new(&mut src);
         decoder.read_init_bytes()?;
 
         let mut chunk_table = ChunkTable::with_capacity(number_of_chunks as usize);
         let mut previous_entry = ChunkTableEntry::default();
         for _ in 1..=number_of_chunks {
-            let mut current_entry = ChunkTableEntry { point_count: 0, byte_count: 0 };
+            let mut current_entry = ChunkTableEntry {
+                point_count: 0,
+                byte_count: 0,
+            };
             if contains_point_count {
                 current_entry.point_count = u64::from_le(decompressor.decompress(
                     &mut decoder,
@@ -213,11 +224,20 @@ impl ChunkTable {
         if chunk_index > self.len() {
             None
         } else {
-            Some(self.0[0..chunk_index].iter().map(|entry| entry.byte_count).sum())
+            Some(
+                self.0[0..chunk_index]
+                    .iter()
+                    .map(|entry| entry.byte_count)
+                    .sum(),
+            )
         }
     }
 
-    pub(crate) fn write<W: Write>(&self, mut dst: &mut W, write_point_count: bool) -> std::io::Result<()> {
+    pub(crate) fn write<W: Write>(
+        &self,
+        mut dst: &mut W,
+        write_point_count: bool,
+    ) -> std::io::Result<()> {
         // Write header
         dst.write_u32::<LittleEndian>(0)?;
         dst.write_u32::<LittleEndian>(self.len() as u32)?;
@@ -227,7 +247,10 @@ impl ChunkTable {
         }
 
         let mut encoder = ArithmeticEncoder::new(&mut dst);
-        let mut compressor = IntegerCompressorBuilder::new().bits(32).contexts(2).build_initialized();
+        let mut compressor = IntegerCompressorBuilder::new()
+            .bits(32)
+            .contexts(2)
+            .build_initialized();
 
         let mut previous_entry = ChunkTableEntry::default();
         for current_entry in &self.0 {
@@ -322,7 +345,10 @@ where
 ///
 /// `offset_pos`: position the function have to seek to, to be where the offset
 ///               should be updated.
-pub(super) fn update_chunk_table_offset<W: Write + Seek>(dst: &mut W, offset_pos: SeekFrom) -> std::io::Result<()> {
+pub(super) fn update_chunk_table_offset<W: Write + Seek>(
+    dst: &mut W,
+    offset_pos: SeekFrom,
+) -> std::io::Result<()> {
     let start_of_chunk_table_pos = dst.seek(SeekFrom::Current(0))?;
     dst.seek(offset_pos)?;
     dst.write_i64::<LittleEndian>(start_of_chunk_table_pos as i64)?;

@@ -1,8 +1,8 @@
 use std::io::{Read, Seek, Write};
 
 use crate::record::{
-    LayeredPointRecordCompressor, LayeredPointRecordDecompressor, RecordCompressor, RecordDecompressor,
-    SequentialPointRecordCompressor, SequentialPointRecordDecompressor,
+    LayeredPointRecordCompressor, LayeredPointRecordDecompressor, RecordCompressor,
+    RecordDecompressor, SequentialPointRecordCompressor, SequentialPointRecordDecompressor,
 };
 use crate::{LasZipError, LazItem};
 
@@ -10,8 +10,9 @@ pub(super) fn record_decompressor_from_laz_items<'a, R: Read + Seek + Send + Syn
     items: &Vec<LazItem>,
     input: R,
 ) -> crate::Result<Box<dyn RecordDecompressor<R> + Send + Sync + 'a>> {
-    let first_item =
-        items.get(0).expect("There should be at least one LazItem to be able to create a RecordDecompressor");
+    let first_item = items
+        .get(0)
+        .expect("There should be at least one LazItem to be able to create a RecordDecompressor");
 
     let mut decompressor = match first_item.version {
         1 | 2 => {
@@ -23,7 +24,10 @@ pub(super) fn record_decompressor_from_laz_items<'a, R: Read + Seek + Send + Syn
             Box::new(decompressor) as Box<dyn RecordDecompressor<R> + Send + Sync>
         }
         _ => {
-            return Err(LasZipError::UnsupportedLazItemVersion(first_item.item_type, first_item.version));
+            return Err(LasZipError::UnsupportedLazItemVersion(
+                first_item.item_type,
+                first_item.version,
+            ));
         }
     };
 
@@ -35,8 +39,9 @@ pub(super) fn record_compressor_from_laz_items<'a, W: Write + Send + Sync + 'a>(
     items: &Vec<LazItem>,
     output: W,
 ) -> crate::Result<Box<dyn RecordCompressor<W> + Send + Sync + 'a>> {
-    let first_item =
-        items.get(0).expect("There should be at least one LazItem to be able to create a RecordCompressor");
+    let first_item = items
+        .get(0)
+        .expect("There should be at least one LazItem to be able to create a RecordCompressor");
 
     let mut compressor = match first_item.version {
         1 | 2 => {
@@ -48,7 +53,10 @@ pub(super) fn record_compressor_from_laz_items<'a, W: Write + Send + Sync + 'a>(
             Box::new(compressor) as Box<dyn RecordCompressor<W> + Send + Sync>
         }
         _ => {
-            return Err(LasZipError::UnsupportedLazItemVersion(first_item.item_type, first_item.version));
+            return Err(LasZipError::UnsupportedLazItemVersion(
+                first_item.item_type,
+                first_item.version,
+            ));
         }
     };
     compressor.set_fields_from(items)?;

@@ -4,10 +4,12 @@
 //! It defines the LaszipCompressor & LaszipDecompressor
 //! as well as the Laszip VLr data  and how to build it
 pub use chunk_table::{ChunkTable, ChunkTableEntry};
-pub use sequential::{compress_buffer, decompress_buffer, LasZipAppender, LasZipCompressor, LasZipDecompressor};
+pub use sequential::{
+    compress_buffer, decompress_buffer, LasZipAppender, LasZipCompressor, LasZipDecompressor,
+};
 pub use vlr::{
-    CompressorType, DefaultVersion, LazItem, LazItemRecordBuilder, LazItemType, LazVlr, LazVlrBuilder, Version1,
-    Version2, Version3, Version4,
+    CompressorType, DefaultVersion, LazItem, LazItemRecordBuilder, LazItemType, LazVlr,
+    LazVlrBuilder, Version1, Version2, Version3, Version4,
 };
 
 #[cfg(feature = "parallel")]
@@ -73,12 +75,22 @@ mod test {
 
     #[test]
     fn test_create_laz_items() {
-        assert_eq!(LazItemRecordBuilder::new().add_item(LazItemType::Point10).build().len(), 1);
+        assert_eq!(
+            LazItemRecordBuilder::new()
+                .add_item(LazItemType::Point10)
+                .build()
+                .len(),
+            1
+        );
     }
 
     #[test]
     fn test_compress_empty_buffer() {
-        let vlr = super::LazVlr::from_laz_items(LazItemRecordBuilder::new().add_item(LazItemType::Point10).build());
+        let vlr = super::LazVlr::from_laz_items(
+            LazItemRecordBuilder::new()
+                .add_item(LazItemType::Point10)
+                .build(),
+        );
         let header = vec![42; 10];
         let mut write = Cursor::new(header.clone());
         write.seek(SeekFrom::Start(header.len() as u64)).unwrap();
@@ -90,7 +102,11 @@ mod test {
     macro_rules! test_manual_reserve_on {
         ($CompressorType:ty) => {
             // Check that by manually calling reserve, the result is the same than without calling it
-            let vlr = super::LazVlr::from_laz_items(LazItemRecordBuilder::new().add_item(LazItemType::Point10).build());
+            let vlr = super::LazVlr::from_laz_items(
+                LazItemRecordBuilder::new()
+                    .add_item(LazItemType::Point10)
+                    .build(),
+            );
 
             let point = vec![0u8; vlr.items_size() as usize];
 

@@ -19,7 +19,11 @@ struct Version {
 
 impl Version {
     fn read_from<R: Read>(src: &mut R) -> std::io::Result<Self> {
-        Ok(Self { major: src.read_u8()?, minor: src.read_u8()?, revision: src.read_u16::<LittleEndian>()? })
+        Ok(Self {
+            major: src.read_u8()?,
+            minor: src.read_u8()?,
+            revision: src.read_u16::<LittleEndian>()?,
+        })
     }
 
     fn write_to<W: Write>(&self, dst: &mut W) -> std::io::Result<()> {
@@ -32,7 +36,11 @@ impl Version {
 
 impl Default for Version {
     fn default() -> Self {
-        Self { major: 2, minor: 2, revision: 0 }
+        Self {
+            major: 2,
+            minor: 2,
+            revision: 0,
+        }
     }
 }
 
@@ -144,7 +152,11 @@ pub struct LazItem {
 impl LazItem {
     pub(crate) fn new(item_type: LazItemType, version: u16) -> Self {
         let size = item_type.size();
-        Self { item_type, size, version }
+        Self {
+            item_type,
+            size,
+            version,
+        }
     }
 
     pub fn item_type(&self) -> LazItemType {
@@ -162,8 +174,13 @@ impl LazItem {
     fn read_from<R: Read>(src: &mut R) -> crate::Result<Self> {
         let item_type = src.read_u16::<LittleEndian>()?;
         let size = src.read_u16::<LittleEndian>()?;
-        let item_type = LazItemType::from_u16(item_type, size).ok_or_else(|| LasZipError::UnknownLazItem(item_type))?;
-        Ok(Self { item_type, size, version: src.read_u16::<LittleEndian>()? })
+        let item_type = LazItemType::from_u16(item_type, size)
+            .ok_or_else(|| LasZipError::UnknownLazItem(item_type))?;
+        Ok(Self {
+            item_type,
+            size,
+            version: src.read_u16::<LittleEndian>()?,
+        })
     }
 
     fn write_to<W: Write>(&self, dst: &mut W) -> std::io::Result<()> {
@@ -242,20 +259,45 @@ impl LazItemRecordBuilder {
         PointFormat::version_4(num_extra_bytes)
     }
 
-    pub fn default_for_point_format_id(point_format_id: u8, num_extra_bytes: u16) -> crate::Result<Vec<LazItem>> {
+    pub fn default_for_point_format_id(
+        point_format_id: u8,
+        num_extra_bytes: u16,
+    ) -> crate::Result<Vec<LazItem>> {
         use crate::las::{Point1, Point2, Point3, Point7, Point8};
         match point_format_id {
-            0 => Ok(LazItemRecordBuilder::default_version_of::<Point0>(num_extra_bytes)),
-            1 => Ok(LazItemRecordBuilder::default_version_of::<Point1>(num_extra_bytes)),
-            2 => Ok(LazItemRecordBuilder::default_version_of::<Point2>(num_extra_bytes)),
-            3 => Ok(LazItemRecordBuilder::default_version_of::<Point3>(num_extra_bytes)),
-            4 => Ok(LazItemRecordBuilder::default_version_of::<Point4>(num_extra_bytes)),
-            5 => Ok(LazItemRecordBuilder::default_version_of::<Point5>(num_extra_bytes)),
-            6 => Ok(LazItemRecordBuilder::default_version_of::<Point6>(num_extra_bytes)),
-            7 => Ok(LazItemRecordBuilder::default_version_of::<Point7>(num_extra_bytes)),
-            8 => Ok(LazItemRecordBuilder::default_version_of::<Point8>(num_extra_bytes)),
-            9 => Ok(LazItemRecordBuilder::default_version_of::<Point9>(num_extra_bytes)),
-            10 => Ok(LazItemRecordBuilder::default_version_of::<Point10>(num_extra_bytes)),
+            0 => Ok(LazItemRecordBuilder::default_version_of::<Point0>(
+                num_extra_bytes,
+            )),
+            1 => Ok(LazItemRecordBuilder::default_version_of::<Point1>(
+                num_extra_bytes,
+            )),
+            2 => Ok(LazItemRecordBuilder::default_version_of::<Point2>(
+                num_extra_bytes,
+            )),
+            3 => Ok(LazItemRecordBuilder::default_version_of::<Point3>(
+                num_extra_bytes,
+            )),
+            4 => Ok(LazItemRecordBuilder::default_version_of::<Point4>(
+                num_extra_bytes,
+            )),
+            5 => Ok(LazItemRecordBuilder::default_version_of::<Point5>(
+                num_extra_bytes,
+            )),
+            6 => Ok(LazItemRecordBuilder::default_version_of::<Point6>(
+                num_extra_bytes,
+            )),
+            7 => Ok(LazItemRecordBuilder::default_version_of::<Point7>(
+                num_extra_bytes,
+            )),
+            8 => Ok(LazItemRecordBuilder::default_version_of::<Point8>(
+                num_extra_bytes,
+            )),
+            9 => Ok(LazItemRecordBuilder::default_version_of::<Point9>(
+                num_extra_bytes,
+            )),
+            10 => Ok(LazItemRecordBuilder::default_version_of::<Point10>(
+                num_extra_bytes,
+            )),
             _ => Err(LasZipError::UnsupportedPointFormat(point_format_id)),
         }
     }
@@ -275,7 +317,11 @@ impl LazItemRecordBuilder {
             .map(|item_type| {
                 let size = item_type.size();
                 let version = item_type.default_version();
-                LazItem { item_type: *item_type, size, version }
+                LazItem {
+                    item_type: *item_type,
+                    size,
+                    version,
+                }
             })
             .collect()
     }
@@ -382,8 +428,11 @@ impl LazVlr {
     ///
     /// Will panic if `items` is empty or contains invalid items.
     pub fn from_laz_items(items: Vec<LazItem>) -> Self {
-        let first_item = items.first().expect("Vec<LazItem> should at least have one element");
-        let compressor = CompressorType::from_item_version(first_item.version).expect("Unknown laz_item version");
+        let first_item = items
+            .first()
+            .expect("Vec<LazItem> should at least have one element");
+        let compressor = CompressorType::from_item_version(first_item.version)
+            .expect("Unknown laz_item version");
 
         Self {
             compressor,
@@ -472,11 +521,17 @@ impl LazVlr {
     #[inline]
     pub(crate) fn num_bytes_in_decompressed_chunk(&self) -> DecompressedChunkSize {
         if self.uses_variable_size_chunks() {
-            let num_bytes_per_point = self.items_size().try_into().expect("u64 does not fit in a usize");
-            DecompressedChunkSize::Variable { num_bytes_per_point }
+            let num_bytes_per_point = self
+                .items_size()
+                .try_into()
+                .expect("u64 does not fit in a usize");
+            DecompressedChunkSize::Variable {
+                num_bytes_per_point,
+            }
         } else {
-            let num_bytes =
-                (self.chunk_size as u64 * self.items_size() as u64).try_into().expect("u64 does not fit in a usize");
+            let num_bytes = (self.chunk_size as u64 * self.items_size() as u64)
+                .try_into()
+                .expect("u64 does not fit in a usize");
             DecompressedChunkSize::Fixed { num_bytes }
         }
     }
@@ -528,17 +583,28 @@ pub struct LazVlrBuilder {
 
 impl Default for LazVlrBuilder {
     fn default() -> Self {
-        Self { items: vec![], chunk_size: DEFAULT_CHUNK_SIZE as u32 }
+        Self {
+            items: vec![],
+            chunk_size: DEFAULT_CHUNK_SIZE as u32,
+        }
     }
 }
 
 impl LazVlrBuilder {
     pub fn new(laz_items: Vec<LazItem>) -> Self {
-        Self { items: laz_items, ..Self::default() }
+        Self {
+            items: laz_items,
+            ..Self::default()
+        }
     }
 
-    pub fn with_point_format(mut self, point_format_id: u8, num_extra_bytes: u16) -> crate::Result<Self> {
-        self.items = LazItemRecordBuilder::default_for_point_format_id(point_format_id, num_extra_bytes)?;
+    pub fn with_point_format(
+        mut self,
+        point_format_id: u8,
+        num_extra_bytes: u16,
+    ) -> crate::Result<Self> {
+        self.items =
+            LazItemRecordBuilder::default_for_point_format_id(point_format_id, num_extra_bytes)?;
         Ok(self)
     }
 
@@ -563,7 +629,10 @@ impl LazVlrBuilder {
         vlr
     }
 
-    #[deprecated(since = "0.6.0", note = "Please use LazVlrBuilder::with_fixed_chunk_size")]
+    #[deprecated(
+        since = "0.6.0",
+        note = "Please use LazVlrBuilder::with_fixed_chunk_size"
+    )]
     pub fn with_chunk_size(self, chunk_size: u32) -> Self {
         self.with_fixed_chunk_size(chunk_size)
     }
@@ -580,7 +649,11 @@ mod tests {
 
     #[test]
     fn chunk_size_zero_on_disk_is_read_as_variable() {
-        let vlr = LazVlrBuilder::default().with_point_format(0, 0).unwrap().with_fixed_chunk_size(1234).build();
+        let vlr = LazVlrBuilder::default()
+            .with_point_format(0, 0)
+            .unwrap()
+            .with_fixed_chunk_size(1234)
+            .build();
         let mut buffer = Vec::new();
         vlr.write_to(&mut buffer).unwrap();
 

@@ -1,6 +1,6 @@
 //! Damaged files: reads what is intact, counts and reports what is lost.
 
-use super::select::apply;
+use super::select::{apply, lost_system};
 use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::io::{
@@ -75,7 +75,7 @@ fn copy_any(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions)
     losses.check_some(input)?;
     apply(&mut cloud, edits)?;
     write(output, &cloud, options)?;
-    Ok((RewriteReport { points: cloud.len() as u64, notes: Vec::new() }, losses))
+    Ok((RewriteReport { points: cloud.len() as u64, notes: lost_system(&cloud, output) }, losses))
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! Statistics that need all points of a file: anomalies, and the number of points of each class.
 
 use crate::cloud::crs::{Unit, unit_of};
-use crate::cloud::{Cloud, Coordinates, StrayParams, Strays, Values, names};
+use crate::cloud::{Cloud, Column, Coordinates, StrayParams, Strays, Values, names};
 use crate::error::Result;
-use crate::io::{Bounds, FileInfo, ReadOptions, inspect, read_with};
+use crate::io::{Bounds, FileInfo, ReadOptions, inspect_with, read_with};
 use crate::parallel::{Monitor, map_ordered, sort_watched, watched};
 use serde::Serialize;
 use std::path::Path;
@@ -35,7 +35,7 @@ pub struct Statistics {
 /// Those of [`read_with`](crate::io::read_with()).
 pub fn statistics(path: &Path, options: &ReadOptions) -> Result<(Statistics, Cloud)> {
     crate::io::run::joined(&options.monitor, || {
-        let info = inspect(path)?;
+        let info = inspect_with(path, &options.text_columns)?;
         let cloud = read_with(path, options)?;
         Ok((of_cloud(&cloud, &info, &options.monitor)?, cloud))
     })
@@ -121,7 +121,7 @@ fn classes(cloud: &Cloud, monitor: &Monitor) -> Result<Vec<(u8, u64)>> {
     let mut counts = [0u64; 256];
     if let Some(column) = cloud.column(names::CLASSIFICATION) {
         for piece in watched(cloud.len(), monitor) {
-            let codes = piece?.map(|i| column.values.get(i)).filter(|&code| code <= 255.0);
+            let codes = piece?.map(|i| column.values.get(i)).filter(|code| (0.0..=255.0).contains(code));
             codes.for_each(|code| counts[usize::from(code as u8)] += 1);
         }
     }
@@ -135,12 +135,12 @@ fn warnings(statistics: &Statistics, cloud: &Cloud, info: &FileInfo, monitor: &M
             warnings.push(format!("{count} {what}"));
         }
     };
-    let codes = statistics.classes.iter().map(|(_, points)| points).sum::<u64>();
-    let classed = cloud.column(names::CLASSIFICATION).map_or(0, |_| cloud.len() as u64);
-    say(
-        classed - codes,
-        "points have classes above 255, which are not counted (convert and --map give them other codes)",
-    );
+    if let Some(Column { values, .. }) = cloud.column(names::CLASSIFICATION) {
+        let large = count(cloud.len(), |i| values.get(i) > 255.0, monitor)?;
+        say(large, "points have classes above 255, which are not counted; train, evaluate and others map them (--map)");
+        let negative = count(cloud.len(), |i| values.get(i) < 0.0, monitor)?;
+        say(negative, "points have negative classes, which mean that there is no label");
+    }
     say(statistics.not_finite, "points have coordinates that are not finite; they are left unclassified");
     say(statistics.duplicates, "points lie exactly where another one lies");
     say(statistics.outside_bounds, "points lie outside the bounds in the header");
@@ -177,7 +177,6 @@ fn unit_warning(info: &FileInfo, [low, high]: Bounds) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::Column;
     use crate::io::{self, WriteOptions};
 
     #[test]

@@ -1,7 +1,7 @@
 //! The classes on both sides of a line.
 
 use super::scaled::VOXEL;
-use crate::cloud::{Cloud, Points, Positions, names};
+use crate::cloud::{Cloud, Column, Points, Positions, names};
 use crate::contours::{Polyline, sampled};
 use crate::error::{Error, Result};
 use crate::neighbours::nearest_of;
@@ -27,7 +27,13 @@ pub(super) struct Sides<'a> {
 pub(super) fn codes_of(cloud: &Cloud, given: Option<&[u8]>) -> Result<Option<Vec<u8>>> {
     let all: Vec<u8> = match (given, cloud.column(names::CLASSIFICATION)) {
         (Some(codes), _) => codes.to_vec(),
-        (None, Some(column)) => (0..cloud.len()).map(|i| column.values.get(i).clamp(0.0, 255.0) as u8).collect(),
+        (None, Some(Column { values, .. })) => {
+            let code = |i| match values.get(i) {
+                code if code > 255.0 => Err(Error::input(format!("point {i} has class {code} (allowed: up to 255)"))),
+                code => Ok(code as u8),
+            };
+            (0..cloud.len()).map(code).collect::<Result<_>>()?
+        }
         (None, None) => return Ok(None),
     };
     match all.len() == cloud.len() {

@@ -24,7 +24,10 @@ where
             ParLasZipCompressor::get_mut,
         )?;
 
-        Ok(Self { saved_chunk_table: chunk_table, compressor })
+        Ok(Self {
+            saved_chunk_table: chunk_table,
+            compressor,
+        })
     }
 
     /// Tells the compressor that no more points will be compressed
@@ -41,8 +44,8 @@ where
         // 1. Get position of chunk table
         let pos = self.compressor.chunk_table_position_offset() as u64;
         self.compressor.get_mut().seek(SeekFrom::Start(pos))?;
-        let (_, chunk_table_pos) =
-            ChunkTable::read_offset(self.compressor.get_mut())?.expect("Somehow, the chunk table was not written");
+        let (_, chunk_table_pos) = ChunkTable::read_offset(self.compressor.get_mut())?
+            .expect("Somehow, the chunk table was not written");
 
         self.saved_chunk_table.extend(self.compressor.chunk_table());
 

@@ -55,7 +55,9 @@ impl<W: Write + Seek + Send + Sync> ParLasZipCompressor<W> {
     ///
     /// No i/o operation are performed
     pub fn new(dest: W, vlr: LazVlr) -> crate::Result<Self> {
-        if vlr.compressor != CompressorType::PointWiseChunked && vlr.compressor != CompressorType::LayeredChunked {
+        if vlr.compressor != CompressorType::PointWiseChunked
+            && vlr.compressor != CompressorType::LayeredChunked
+        {
             return Err(LasZipError::UnsupportedCompressorType(vlr.compressor));
         }
 
@@ -64,7 +66,13 @@ impl<W: Write + Seek + Send + Sync> ParLasZipCompressor<W> {
             rest.reserve(num_bytes);
         }
 
-        Ok(Self { vlr, chunk_table: ChunkTable::default(), table_offset: -1, rest, dest })
+        Ok(Self {
+            vlr,
+            chunk_table: ChunkTable::default(),
+            table_offset: -1,
+            rest,
+            dest,
+        })
     }
 
     /// Reserves and prepares the offset to chunk table that will be
@@ -107,7 +115,8 @@ impl<W: Write + Seek + Send + Sync> ParLasZipCompressor<W> {
             // Try to complete our rest buffer to form a complete chunk
             let missing_bytes = chunk_size_in_bytes - self.rest.len();
             let num_bytes_to_copy = missing_bytes.min(compressible_buf.len());
-            self.rest.extend_from_slice(&compressible_buf[..num_bytes_to_copy]);
+            self.rest
+                .extend_from_slice(&compressible_buf[..num_bytes_to_copy]);
 
             if self.rest.len() < chunk_size_in_bytes {
                 // rest + points did not form a complete chunk,
@@ -118,8 +127,10 @@ impl<W: Write + Seek + Send + Sync> ParLasZipCompressor<W> {
             debug_assert_eq!(self.rest.len(), chunk_size_in_bytes);
             // We have a complete chunk, lets compress it now
             let chunk_size = compress_one_chunk(&self.rest, &self.vlr, &mut self.dest)?;
-            self.chunk_table
-                .push(ChunkTableEntry { point_count: self.vlr.chunk_size() as u64, byte_count: chunk_size });
+            self.chunk_table.push(ChunkTableEntry {
+                point_count: self.vlr.chunk_size() as u64,
+                byte_count: chunk_size,
+            });
             self.rest.clear();
 
             compressible_buf = &compressible_buf[missing_bytes..]
@@ -128,7 +139,8 @@ impl<W: Write + Seek + Send + Sync> ParLasZipCompressor<W> {
 
         // Copy bytes which does not form a complete chunk into our rest.
         let num_excess_bytes = compressible_buf.len() % chunk_size_in_bytes;
-        let (compressible_buf, excess_bytes) = compressible_buf.split_at(compressible_buf.len() - num_excess_bytes);
+        let (compressible_buf, excess_bytes) =
+            compressible_buf.split_at(compressible_buf.len() - num_excess_bytes);
         debug_assert_eq!(excess_bytes.len(), num_excess_bytes);
         if !excess_bytes.is_empty() {
             self.rest.extend_from_slice(excess_bytes);
@@ -178,8 +190,10 @@ impl<W: Write + Seek + Send + Sync> ParLasZipCompressor<W> {
     pub fn done(&mut self) -> crate::Result<()> {
         if self.rest.len() != 0 {
             let last_chunk_size = compress_one_chunk(&self.rest, &self.vlr, &mut self.dest)?;
-            self.chunk_table
-                .push(ChunkTableEntry { point_count: self.vlr.chunk_size() as u64, byte_count: last_chunk_size });
+            self.chunk_table.push(ChunkTableEntry {
+                point_count: self.vlr.chunk_size() as u64,
+                byte_count: last_chunk_size,
+            });
         }
 
         if self.table_offset == -1 && self.chunk_table.is_empty() {
@@ -287,7 +301,11 @@ pub fn par_compress_buffer<W: Write + Seek>(
 /// And does not write the chunk table
 ///
 /// Returns the size of each compressed chunk of point written
-pub fn par_compress<W: Write>(dst: &mut W, uncompressed_points: &[u8], laz_vlr: &LazVlr) -> crate::Result<ChunkTable> {
+pub fn par_compress<W: Write>(
+    dst: &mut W,
+    uncompressed_points: &[u8],
+    laz_vlr: &LazVlr,
+) -> crate::Result<ChunkTable> {
     debug_assert!(!laz_vlr.uses_variable_size_chunks());
     debug_assert_eq!(uncompressed_points.len() % laz_vlr.items_size() as usize, 0);
 
@@ -299,7 +317,11 @@ pub fn par_compress<W: Write>(dst: &mut W, uncompressed_points: &[u8], laz_vlr: 
     par_compress_chunks(dst, all_slices, laz_vlr)
 }
 
-fn par_compress_chunks<'a, W, Chunks, Item>(dst: &mut W, chunks: Chunks, laz_vlr: &LazVlr) -> crate::Result<ChunkTable>
+fn par_compress_chunks<'a, W, Chunks, Item>(
+    dst: &mut W,
+    chunks: Chunks,
+    laz_vlr: &LazVlr,
+) -> crate::Result<ChunkTable>
 where
     W: Write,
     Item: AsRef<[u8]> + Send,
@@ -327,7 +349,10 @@ where
         } else {
             laz_vlr.chunk_size() as u64
         };
-        let entry = ChunkTableEntry { point_count, byte_count: compressed_data.len() as u64 };
+        let entry = ChunkTableEntry {
+            point_count,
+            byte_count: compressed_data.len() as u64,
+        };
         chunk_table.push(entry);
         dst.write_all(&compressed_data)?;
     }
@@ -359,10 +384,15 @@ mod test {
     fn test_table_offset_one_point() {
         // Test that if we compress just one point using the Parallel compressor
         // the chunk table offset is correctly reserved
-        let vlr = super::LazVlr::from_laz_items(LazItemRecordBuilder::new().add_item(LazItemType::Point10).build());
+        let vlr = super::LazVlr::from_laz_items(
+            LazItemRecordBuilder::new()
+                .add_item(LazItemType::Point10)
+                .build(),
+        );
 
         let point = vec![0u8; vlr.items_size() as usize];
-        let mut compressor = ParLasZipCompressor::new(std::io::Cursor::new(Vec::<u8>::new()), vlr).unwrap();
+        let mut compressor =
+            ParLasZipCompressor::new(std::io::Cursor::new(Vec::<u8>::new()), vlr).unwrap();
         assert_eq!(compressor.table_offset, -1);
         compressor.compress_many(&point).unwrap();
         assert_eq!(compressor.table_offset, 0);
@@ -372,10 +402,15 @@ mod test {
     fn test_table_offset_complete_chunk() {
         // Test that if we compress at least a chunk using the Parallel compressor
         // the chunk table offset is correctly reserved
-        let vlr = super::LazVlr::from_laz_items(LazItemRecordBuilder::new().add_item(LazItemType::Point10).build());
+        let vlr = super::LazVlr::from_laz_items(
+            LazItemRecordBuilder::new()
+                .add_item(LazItemType::Point10)
+                .build(),
+        );
 
         let points = vec![0u8; vlr.num_bytes_in_decompressed_chunk().fixed().unwrap() as usize];
-        let mut compressor = ParLasZipCompressor::new(std::io::Cursor::new(Vec::<u8>::new()), vlr).unwrap();
+        let mut compressor =
+            ParLasZipCompressor::new(std::io::Cursor::new(Vec::<u8>::new()), vlr).unwrap();
         assert_eq!(compressor.table_offset, -1);
         compressor.compress_many(&points).unwrap();
         assert_eq!(compressor.table_offset, 0);

@@ -47,15 +47,26 @@ impl<R: Read + Seek> ParLasZipDecompressor<R> {
     /// fields that are selected by the `selection`.
     ///
     /// Fails if not chunk table could be found
-    pub fn selective(mut source: R, vlr: LazVlr, selection: DecompressionSelection) -> crate::Result<Self> {
+    pub fn selective(
+        mut source: R,
+        vlr: LazVlr,
+        selection: DecompressionSelection,
+    ) -> crate::Result<Self> {
         // Technically we could support PointWise compressor
         // But it's old and rare so not much point to do so
-        if vlr.compressor != CompressorType::PointWiseChunked && vlr.compressor != CompressorType::LayeredChunked {
+        if vlr.compressor != CompressorType::PointWiseChunked
+            && vlr.compressor != CompressorType::LayeredChunked
+        {
             return Err(LasZipError::UnsupportedCompressorType(vlr.compressor));
         }
         let chunk_table = ChunkTable::read_from(&mut source, &vlr)?;
         let start_of_data = source.seek(SeekFrom::Current(0))?;
-        let biggest_chunk = chunk_table.as_ref().into_iter().map(|entry| entry.point_count).max().unwrap_or(0);
+        let biggest_chunk = chunk_table
+            .as_ref()
+            .into_iter()
+            .map(|entry| entry.point_count)
+            .max()
+            .unwrap_or(0);
         let vec = Vec::<u8>::with_capacity(biggest_chunk as usize);
         let rest = std::io::Cursor::new(vec);
 
@@ -150,7 +161,8 @@ impl<R: Read + Seek> ParLasZipDecompressor<R> {
         let num_bytes_in_head_chunks = num_bytes_to_read - tail_chunk_entry.byte_count as usize;
         let num_points_in_head_chunks = num_points - tail_chunk_entry.point_count as usize;
         let (head_chunks, tail_chunk) = self.internal_buffer.split_at(num_bytes_in_head_chunks);
-        let (head_output, tail_output) = out_decompress.split_at_mut(num_points_in_head_chunks * point_size);
+        let (head_output, tail_output) =
+            out_decompress.split_at_mut(num_points_in_head_chunks * point_size);
 
         // These are to make the borrow checker happy, self is not `Send`.
         let rest = &mut self.rest;
@@ -160,21 +172,30 @@ impl<R: Read + Seek> ParLasZipDecompressor<R> {
 
         let (res1, res2) = rayon::join(
             || -> crate::Result<()> {
-                par_decompress_selective(head_chunks, head_output, &vlr, head_chunks_table, selection)
+                par_decompress_selective(
+                    head_chunks,
+                    head_output,
+                    &vlr,
+                    head_chunks_table,
+                    selection,
+                )
             },
             || -> crate::Result<()> {
                 let mut last_src = std::io::Cursor::new(tail_chunk);
-                let mut decompressor = record_decompressor_from_laz_items(&vlr.items(), &mut last_src)?;
+                let mut decompressor =
+                    record_decompressor_from_laz_items(&vlr.items(), &mut last_src)?;
                 decompressor.set_selection(selection);
                 // Decompress what we can in the caller's buffer
                 decompressor.decompress_many(tail_output)?;
                 // Then, decompress what we did not, into our rest buffer
-                let num_bytes_left = (tail_chunk_entry.point_count as usize * point_size) - tail_output.len();
+                let num_bytes_left =
+                    (tail_chunk_entry.point_count as usize * point_size) - tail_output.len();
                 if !vlr.uses_variable_size_chunks() && end_index == chunk_table_len {
                     // When fixed-size chunks are used, for the last chunk, the number of point
                     // is unknown, so we have to decompress it until an end of file appears
                     rest.get_mut().resize(num_bytes_left, 0u8);
-                    let num_actually_decompressed = decompressor.decompress_until_end_of_file(rest.get_mut())?;
+                    let num_actually_decompressed =
+                        decompressor.decompress_until_end_of_file(rest.get_mut())?;
                     rest.get_mut().resize(num_actually_decompressed, 0u8);
                 } else {
                     rest.get_mut().resize(num_bytes_left, 0u8);
@@ -209,22 +230,26 @@ impl<R: Read + Seek> ParLasZipDecompressor<R> {
 
         let start_of_chunk_pos = self.start_of_data + byte_offset;
         self.source.seek(SeekFrom::Start(start_of_chunk_pos))?;
-        self.internal_buffer.resize(self.chunk_table[chunk_of_point].byte_count as usize, 0u8);
+        self.internal_buffer
+            .resize(self.chunk_table[chunk_of_point].byte_count as usize, 0u8);
         self.source.read(&mut self.internal_buffer)?;
 
         // Completely decompress the chunk
         let num_bytes = match self.vlr.num_bytes_in_decompressed_chunk() {
             crate::laszip::vlr::DecompressedChunkSize::Fixed { num_bytes } => num_bytes,
-            crate::laszip::vlr::DecompressedChunkSize::Variable { num_bytes_per_point } => {
-                num_bytes_per_point * self.chunk_table[chunk_of_point].point_count as usize
-            }
+            crate::laszip::vlr::DecompressedChunkSize::Variable {
+                num_bytes_per_point,
+            } => num_bytes_per_point * self.chunk_table[chunk_of_point].point_count as usize,
         };
         self.rest.get_mut().resize(num_bytes, 0u8);
-        let mut decompressor =
-            record_decompressor_from_laz_items(self.vlr.items(), std::io::Cursor::new(&self.internal_buffer))?;
+        let mut decompressor = record_decompressor_from_laz_items(
+            self.vlr.items(),
+            std::io::Cursor::new(&self.internal_buffer),
+        )?;
         let is_last_chunk = chunk_of_point == (self.chunk_table.len() - 1);
         if is_last_chunk {
-            let num_bytes_decompressed = decompressor.decompress_until_end_of_file(self.rest.get_mut())?;
+            let num_bytes_decompressed =
+                decompressor.decompress_until_end_of_file(self.rest.get_mut())?;
             let num_points_in_last_chunk = num_bytes_decompressed / self.vlr.items_size() as usize;
             let pos_in_chunk = index % self.vlr.chunk_size() as u64;
             if pos_in_chunk as usize >= num_points_in_last_chunk as usize {
@@ -292,10 +317,19 @@ pub fn par_decompress_buffer(
     let mut cursor = std::io::Cursor::new(compressed_points_data);
     let chunk_table = ChunkTable::read_from(&mut cursor, &laz_vlr)?;
 
-    let num_point_bytes = chunk_table.as_ref().iter().map(|entry| entry.byte_count as usize).sum::<usize>();
+    let num_point_bytes = chunk_table
+        .as_ref()
+        .iter()
+        .map(|entry| entry.byte_count as usize)
+        .sum::<usize>();
 
     let compressed_points = &compressed_points_data[std::mem::size_of::<i64>()..num_point_bytes];
-    par_decompress(compressed_points, decompressed_points, laz_vlr, chunk_table.as_ref())
+    par_decompress(
+        compressed_points,
+        decompressed_points,
+        laz_vlr,
+        chunk_table.as_ref(),
+    )
 }
 
 /// Actual the parallel decompression
@@ -313,13 +347,16 @@ pub fn par_decompress_selective(
 ) -> crate::Result<()> {
     use crate::byteslice::ChunksIrregular;
     let sizes = chunk_table.iter().map(|entry| entry.byte_count as usize);
-    let counts = chunk_table.iter().map(|entry| (entry.point_count * laz_vlr.items_size()) as usize);
+    let counts = chunk_table
+        .iter()
+        .map(|entry| (entry.point_count * laz_vlr.items_size()) as usize);
     let input_chunks_iter = ChunksIrregular::new(compressed_points, sizes);
     let output_chunks_iter = ChunksIrregularMut::new(decompressed_points, counts);
 
     // FIXME we collect into a Vec because zip cannot be made 'into_par_iter' by rayon
     //  (or at least i don't know how)
-    let decompression_jobs: Vec<(&[u8], &mut [u8])> = input_chunks_iter.zip(output_chunks_iter).collect();
+    let decompression_jobs: Vec<(&[u8], &mut [u8])> =
+        input_chunks_iter.zip(output_chunks_iter).collect();
     decompression_jobs
         .into_par_iter()
         .map(|(chunk_in, chunk_out)| {

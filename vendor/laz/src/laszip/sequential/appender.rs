@@ -30,7 +30,9 @@ where
 {
     // Technically we could support PointWise compressor
     // But it's old and rare so not much point to do so
-    if vlr.compressor != CompressorType::PointWiseChunked && vlr.compressor != CompressorType::LayeredChunked {
+    if vlr.compressor != CompressorType::PointWiseChunked
+        && vlr.compressor != CompressorType::LayeredChunked
+    {
         return Err(LasZipError::UnsupportedCompressorType(vlr.compressor));
     }
 
@@ -41,16 +43,27 @@ where
     if !chunk_table.is_empty() {
         let (chunk_index, chunk_start_pos) = chunk_table
             .chunk_of_point(point_count - 1)
-            .unwrap_or_else(|| (chunk_table.len() - 1, chunk_table.chunk_position(chunk_table.len() - 1).unwrap()));
+            .unwrap_or_else(|| {
+                (
+                    chunk_table.len() - 1,
+                    chunk_table.chunk_position(chunk_table.len() - 1).unwrap(),
+                )
+            });
 
         data.seek(SeekFrom::Current(chunk_start_pos.try_into().unwrap()))?;
 
-        let points_before_chunk = chunk_table[..chunk_index].iter().map(|entry| entry.point_count).sum::<u64>();
+        let points_before_chunk = chunk_table[..chunk_index]
+            .iter()
+            .map(|entry| entry.point_count)
+            .sum::<u64>();
         // This cannot overflow as with the chunk_index will be the last known chunk
         // if point_count was out of count
         let mut points_to_read = point_count - points_before_chunk;
 
-        if !vlr.uses_variable_size_chunks() && chunk_index == chunk_table.len() - 1 && points_to_read == 0 {
+        if !vlr.uses_variable_size_chunks()
+            && chunk_index == chunk_table.len() - 1
+            && points_to_read == 0
+        {
             // If we are here, that means we should skip the chunk
             // but, we chose not to completely trust the point count we received
             points_to_read = u64::from(vlr.chunk_size());
@@ -65,7 +78,8 @@ where
             data.read_exact(&mut chunk_data)?;
 
             let mut chunk_data = Cursor::new(chunk_data);
-            let mut decompressor = record_decompressor_from_laz_items(vlr.items(), &mut chunk_data)?;
+            let mut decompressor =
+                record_decompressor_from_laz_items(vlr.items(), &mut chunk_data)?;
 
             // Resize the output buffer so that we decompresse data until its either full,
             // or EOF was reached
@@ -106,10 +120,18 @@ where
 {
     /// data must be positioned at the start of point data
     pub fn new(data: W, vlr: LazVlr, point_count: u64) -> crate::Result<Self> {
-        let (compressor, chunk_table) =
-            prepare_compressor_for_appending(data, vlr, point_count, LasZipCompressor::new, LasZipCompressor::get_mut)?;
+        let (compressor, chunk_table) = prepare_compressor_for_appending(
+            data,
+            vlr,
+            point_count,
+            LasZipCompressor::new,
+            LasZipCompressor::get_mut,
+        )?;
 
-        Ok(Self { saved_chunk_table: chunk_table, compressor })
+        Ok(Self {
+            saved_chunk_table: chunk_table,
+            compressor,
+        })
     }
 
     /// Tells the compressor that no more points will be compressed
@@ -126,8 +148,8 @@ where
         // 1. Get position of chunk table
         let pos = self.compressor.chunk_table_position_offset() as u64;
         self.compressor.get_mut().seek(SeekFrom::Start(pos))?;
-        let (_, chunk_table_pos) =
-            ChunkTable::read_offset(self.compressor.get_mut())?.expect("Somehow, the chunk table was not written");
+        let (_, chunk_table_pos) = ChunkTable::read_offset(self.compressor.get_mut())?
+            .expect("Somehow, the chunk table was not written");
 
         self.saved_chunk_table.extend(self.compressor.chunk_table());
 

@@ -55,7 +55,9 @@ pub struct LasZipCompressor<'a, W: Write + Send + 'a> {
 impl<'a, W: Write + Seek + Send + Sync + 'a> LasZipCompressor<'a, W> {
     /// Creates a compressor using the provided vlr.
     pub fn new(output: W, vlr: LazVlr) -> crate::Result<Self> {
-        if vlr.compressor != CompressorType::PointWiseChunked && vlr.compressor != CompressorType::LayeredChunked {
+        if vlr.compressor != CompressorType::PointWiseChunked
+            && vlr.compressor != CompressorType::LayeredChunked
+        {
             return Err(LasZipError::UnsupportedCompressorType(vlr.compressor));
         }
 
@@ -211,7 +213,10 @@ impl<'a, W: Write + Seek + Send + Sync + 'a> LasZipCompressor<'a, W> {
 
     #[inline]
     fn update_chunk_table(&mut self) -> std::io::Result<()> {
-        let current_pos = self.record_compressor.get_mut().seek(SeekFrom::Current(0))?;
+        let current_pos = self
+            .record_compressor
+            .get_mut()
+            .seek(SeekFrom::Current(0))?;
         self.current_chunk_entry.byte_count = current_pos - self.chunk_start_pos;
         self.chunk_start_pos = current_pos;
         self.chunk_table.push(self.current_chunk_entry);
@@ -222,7 +227,9 @@ impl<'a, W: Write + Seek + Send + Sync + 'a> LasZipCompressor<'a, W> {
     fn finish_current_chunk_impl(&mut self) -> std::io::Result<()> {
         self.record_compressor.done()?;
         self.record_compressor.reset();
-        self.record_compressor.set_fields_from(&self.vlr.items()).unwrap();
+        self.record_compressor
+            .set_fields_from(&self.vlr.items())
+            .unwrap();
         self.update_chunk_table()?;
         self.current_chunk_entry = ChunkTableEntry::default();
         Ok(())
@@ -251,7 +258,9 @@ impl<'a, W: Write + Seek + Send + Sync + 'a> crate::LazCompressor for LasZipComp
     }
 }
 
-impl<'a, W: Write + Seek + Send + Sync + 'a> crate::LazCompressorWithInner<W> for LasZipCompressor<'a, W> {
+impl<'a, W: Write + Seek + Send + Sync + 'a> crate::LazCompressorWithInner<W>
+    for LasZipCompressor<'a, W>
+{
     fn into_inner(self) -> W {
         self.into_inner()
     }

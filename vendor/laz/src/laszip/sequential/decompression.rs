@@ -17,16 +17,28 @@ pub(super) struct SeekInfo {
 }
 
 impl SeekInfo {
-    pub(super) fn read_from<T: Read + Seek>(mut source: &mut T, vlr: &LazVlr) -> crate::Result<Self> {
+    pub(super) fn read_from<T: Read + Seek>(
+        mut source: &mut T,
+        vlr: &LazVlr,
+    ) -> crate::Result<Self> {
         let chunk_table = ChunkTable::read_from(&mut source, vlr)?;
         let data_start = source.seek(SeekFrom::Current(0))?;
 
-        Ok(Self { data_start, chunk_table })
+        Ok(Self {
+            data_start,
+            chunk_table,
+        })
     }
 
     /// Returns the offset where the chunk table is written
     pub(super) fn offset_to_chunk_table(&self) -> u64 {
-        self.data_start + self.chunk_table.as_ref().iter().map(|e| e.byte_count).sum::<u64>()
+        self.data_start
+            + self
+                .chunk_table
+                .as_ref()
+                .iter()
+                .map(|e| e.byte_count)
+                .sum::<u64>()
     }
 }
 
@@ -57,7 +69,11 @@ impl<'a, R: Read + Seek + Send + Sync + 'a> LasZipDecompressor<'a, R> {
 
     /// Creates a new decompressor, that will only decompress
     /// fields that are selected by the `selection`.
-    pub fn selective(mut source: R, vlr: LazVlr, selection: DecompressionSelection) -> crate::Result<Self> {
+    pub fn selective(
+        mut source: R,
+        vlr: LazVlr,
+        selection: DecompressionSelection,
+    ) -> crate::Result<Self> {
         // The chunk table is not always mandatory when just reading data.
         let seek_info = match vlr.compressor {
             CompressorType::PointWise => {
@@ -102,7 +118,8 @@ impl<'a, R: Read + Seek + Send + Sync + 'a> LasZipDecompressor<'a, R> {
             }
         };
 
-        let mut record_decompressor = details::record_decompressor_from_laz_items(&vlr.items(), source)?;
+        let mut record_decompressor =
+            details::record_decompressor_from_laz_items(&vlr.items(), source)?;
         record_decompressor.set_selection(selection);
 
         Ok(Self {
@@ -134,7 +151,9 @@ impl<'a, R: Read + Seek + Send + Sync + 'a> LasZipDecompressor<'a, R> {
             if self.vlr.uses_variable_size_chunks() {
                 self.num_points_in_chunk = match (&self.seek_info, self.vlr.compressor) {
                     (Some(seek_info), _) => seek_info.chunk_table[self.current_chunk].point_count,
-                    (None, CompressorType::LayeredChunked) => self.record_decompressor.record_count(),
+                    (None, CompressorType::LayeredChunked) => {
+                        self.record_decompressor.record_count()
+                    }
                     (None, _) => {
                         // This should not be possible, the `new` method should ensure
                         // we have the chunk table if we need one
@@ -172,9 +191,14 @@ impl<'a, R: Read + Seek + Send + Sync + 'a> LasZipDecompressor<'a, R> {
     /// and then we have to decompress points in the chunk until we reach the
     /// one we want.
     pub fn seek(&mut self, point_idx: u64) -> crate::Result<()> {
-        let SeekInfo { data_start, chunk_table } = self.seek_info.as_ref().ok_or(MissingChunkTable)?;
+        let SeekInfo {
+            data_start,
+            chunk_table,
+        } = self.seek_info.as_ref().ok_or(MissingChunkTable)?;
 
-        let chunk_info = chunk_table.chunk_of_point(point_idx).map(|(idx, offset)| (idx, offset + data_start));
+        let chunk_info = chunk_table
+            .chunk_of_point(point_idx)
+            .map(|(idx, offset)| (idx, offset + data_start));
 
         if let Some((chunk_of_point, start_of_chunk)) = chunk_info {
             self.current_chunk = chunk_of_point as usize;
@@ -189,12 +213,18 @@ impl<'a, R: Read + Seek + Send + Sync + 'a> LasZipDecompressor<'a, R> {
             //
             // This is a safeguard, but we expect caller to not do this mistake
             // (They should have access to the number of points in the file, we don't)
-            if seeked_point_belong_to_last_chunk && self.vlr.compressor != CompressorType::LayeredChunked {
+            if seeked_point_belong_to_last_chunk
+                && self.vlr.compressor != CompressorType::LayeredChunked
+            {
                 let mut tmp_out = vec![0u8; self.record_decompressor.record_size()];
                 self.get_mut().seek(SeekFrom::Start(start_of_chunk))?;
 
                 self.reset_for_new_chunk();
-                let offset_to_chunk_table = self.seek_info.as_ref().map(SeekInfo::offset_to_chunk_table).unwrap();
+                let offset_to_chunk_table = self
+                    .seek_info
+                    .as_ref()
+                    .map(SeekInfo::offset_to_chunk_table)
+                    .unwrap();
 
                 for _i in 0..delta {
                     self.decompress_one(&mut tmp_out)?;
@@ -249,7 +279,9 @@ impl<'a, R: Read + Seek + Send + Sync + 'a> LasZipDecompressor<'a, R> {
         self.chunk_points_read = 0;
         self.record_decompressor.reset();
         // we can safely unwrap here, as set_field would have failed in the ::new()
-        self.record_decompressor.set_fields_from(&self.vlr.items()).unwrap();
+        self.record_decompressor
+            .set_fields_from(&self.vlr.items())
+            .unwrap();
         self.record_decompressor.set_selection(self.selection);
     }
 }

@@ -70,7 +70,7 @@ pub struct Difference {
     pub only_in: [Vec<String>; 2],
     /// Fields whose type differs.
     pub types: Vec<Changed>,
-    /// All pairs of class codes that occur, if any class differs.
+    /// All pairs of class codes from 0 to 255 that occur, if any class differs.
     pub classes: Vec<ClassChange>,
 }
 
