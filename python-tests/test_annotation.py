@@ -62,3 +62,11 @@ def test_recipes_of_one_stage_learn_from_arrays():
     for recipe in ("clusters", "spheres"):
         model = scansion.PointClassifier(recipe=recipe).fit(xyz, labels)
         assert (model.predict(xyz) == labels).mean() > 0.95
+
+
+def test_points_of_no_segment_keep_their_labels():
+    assert scansion.spread_labels([6, -1, -1, 2], [-1, -1, 1, 1]).tolist() == [6, -1, 2, 2]
+    assert scansion.spread_labels([6, -1], [1.0, 1.0]).tolist() == [6, 6]
+    for wrong in (1.5, np.nan, -2):
+        with pytest.raises(ValueError, match="segments: expected whole numbers .* at index 1"):
+            scansion.spread_labels([6, -1], [1, wrong])

@@ -103,6 +103,8 @@ def test_text_comes_back_as_text(kind, tmp_path):
     assert predicted.dtype.kind == "U"
     assert (predicted == true).mean() > 0.8
     assert by_text.score(other, true) == pytest.approx(metrics.accuracy_score(true, predicted))
+    with pytest.raises(ValueError, match="labels: found numbers, expected text"):
+        by_text.score(other, truth)
     by_text.save(tmp_path / "a.model")
     loaded = kind.load(tmp_path / "a.model")
     for again in (pickle.loads(pickle.dumps(by_text)), loaded, pickle.loads(pickle.dumps(loaded))):
@@ -469,3 +471,9 @@ def test_pictures_refuse_options_that_would_change_nothing(labelled):
         with pytest.raises(ValueError, match=f"^{name}: found"):
             scansion.render(labelled, width=300, **options)
     scansion.render(labelled, by="class", truth=truth, width=300)
+
+
+def test_scores_of_labels_of_another_kind_are_refused(fitted):
+    xyz, labels = street(1)
+    with pytest.raises(ValueError, match="labels: found text, expected numbers"):
+        fitted.score(xyz, np.where(labels == 2, "ground", "wall"))

@@ -231,3 +231,33 @@ def test_clouds_that_become_one_keep_the_names_of_their_classes(cloud):
     second.class_names = {15: "mast", 16: "wire"}
     assert scansion.concatenate([first, second]).class_names == {15: "pole", 16: "wire"}
     assert scansion.concatenate([second, first]).class_names == {15: "mast", 16: "wire"}
+
+
+def test_one_number_takes_a_type_that_holds_it(cloud):
+    for number, like, kind in [
+        (0.1, np.uint8, np.float64),
+        (2.0, np.uint8, np.float64),
+        (np.nan, np.int32, np.float64),
+        (-1, np.uint8, np.int16),
+        (0.1, np.float32, np.float32),
+        (70_000, np.float32, np.float32),
+        (np.inf, np.float32, np.float32),
+        ((1 << 24) + 1, np.float32, np.float64),
+        (1e300, np.float32, np.float64),
+    ]:
+        cloud["Mine"] = np.zeros(3, like)
+        cloud["Mine"] = number
+        np.testing.assert_array_equal(cloud["Mine"], np.full(3, number, kind))
+        assert cloud["Mine"].dtype == kind
+
+
+@pytest.mark.parametrize("kind", [np.int8, np.int16, np.int32, np.int64])
+def test_short_indices_select_in_long_clouds(kind):
+    cloud = scansion.PointCloud(np.repeat(np.arange(40_000.0), 3).reshape(-1, 3))
+    assert cloud[np.array([3, -1], kind)].x.tolist() == [3, 39_999]
+
+
+def test_columns_do_not_have_names_of_coordinates():
+    for name in ("X", "y", "Z"):
+        with pytest.raises(ValueError, match=f"{name}: found the name of a coordinate"):
+            scansion.PointCloud(np.eye(3), **{name: [1, 2, 3]})

@@ -323,3 +323,27 @@ def test_the_unit_of_a_las_file_survives_and_lost_records_are_told(tmp_path, dat
     assert scansion.PointCloud.from_laspy(las).metres_per_unit == 0.3048
     cloud.to_laspy().write(tmp_path / "b.las")
     assert scansion.PointCloud.from_laspy(laspy.read(tmp_path / "b.las")).metres_per_unit == 0.3048
+
+
+def test_a_name_is_not_a_list_of_columns(tmp_path):
+    scansion.write(tmp_path / "a.laz", scansion.PointCloud(np.eye(3), Intensity=np.array([1, 2, 3], np.uint16)))
+    for read in (scansion.read, scansion.blocks):
+        with pytest.raises(TypeError, match=r"columns: found 'Intensity', expected a list"):
+            read(tmp_path / "a.laz", columns="Intensity")
+    assert scansion.read(tmp_path / "a.laz", columns=["Intensity"]).columns == ["Intensity"]
+
+
+def test_rewritten_dimensions_are_neither_fields_nor_axes_in_disguise(tmp_path):
+    heights = np.array([1.0, 2.0, 3.0])
+    scansion.write(tmp_path / "a.laz", scansion.PointCloud(np.eye(3), Intensity=np.ones(3, np.uint16), Height=heights))
+    for name, found in [("intensity", "Intensity"), ("return_number", "ReturnNumber"), ("X", "X"), ("y", "y")]:
+        with pytest.raises(ValueError, match=f"found {found}, "):
+            scansion.rewrite(tmp_path / "a.laz", tmp_path / "b.laz", dimensions={name: [7, 8, 9]})
+    scansion.rewrite(tmp_path / "a.laz", tmp_path / "b.laz", dimensions={"height": heights + 1, "New": heights})
+    found = scansion.read(tmp_path / "b.laz")
+    assert found["Height"].tolist() == [2, 3, 4] and found.columns[-2:] == ["Height", "New"]
+    for name in ("a.ply", "a.txt"):
+        scansion.write(tmp_path / name, scansion.PointCloud(np.eye(3), Height=heights))
+        scansion.rewrite(tmp_path / name, tmp_path / name, dimensions={"height": heights + 1})
+        assert scansion.read(tmp_path / name)["Height"].tolist() == [2, 3, 4]
+        assert scansion.read(tmp_path / name).columns == ["Height"]

@@ -194,3 +194,12 @@ def test_only_the_open_ends_of_a_range_of_heights_are_infinite(tmp_path):
     for wrong in ((np.nan, 5), (2, np.nan), (np.inf, 5), (2, -np.inf)):
         with pytest.raises(ValueError, match="height: found"):
             filters.filter_file(tmp_path / "a.las", tmp_path / "b.las", height=wrong)
+
+
+def test_numbers_do_not_switch_filters_of_outliers_on(tmp_path):
+    write_las(tmp_path / "a.las", noisy())
+    for wrong in ({"radius": 0.1}, {"statistical": 3}, {"statistical": "yes"}):
+        with pytest.raises(TypeError, match="expected True, False or a dict"):
+            filters.filter_file(tmp_path / "a.las", tmp_path / "b.las", **wrong)
+    for off in (False, np.False_, None):
+        assert filters.filter_file(tmp_path / "a.las", tmp_path / "b.las", radius=off)["steps"] == []

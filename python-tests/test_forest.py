@@ -149,3 +149,17 @@ def test_scores_compare_each_row_with_its_own_label():
     for wrong in ([1], y[:-1], None, y[None]):
         with pytest.raises(ValueError, match="y|samples"):
             forest.score(X, wrong)
+
+
+def test_labels_that_are_missing_or_of_another_kind_are_refused():
+    X = np.arange(8.0).reshape(4, 2)
+    for missing in (None, np.nan, np.float32("nan")):
+        y = np.array([0, 1, missing, 1], dtype=object)
+        with pytest.raises(ValueError, match="Input y contains NaN"):
+            RandomForestClassifier(2).fit(X, y)
+    numbers, text = RandomForestClassifier(2).fit(X, [0, 1, 0, 1]), RandomForestClassifier(2).fit(X, list("abab"))
+    with pytest.raises(ValueError, match="y: found text, expected numbers"):
+        numbers.score(X, list("abab"))
+    with pytest.raises(ValueError, match="y: found numbers, expected text"):
+        text.score(X, [0, 1, 0, 1])
+    assert text.score(X, np.array(list("abab"), dtype=object)) == text.score(X, list("abab"))

@@ -487,3 +487,26 @@ def test_scores_of_objects_need_a_label_for_each():
     for wrong in (y[:1], y[:, None], None):
         with pytest.raises(ValueError, match="y: found"):
             network.score(X, wrong)
+
+
+def test_positions_and_corners_are_whole_numbers():
+    assert len(nn.Sites([[0.0, -3.0]])) == 1
+    for wrong in (0.5, np.nan, np.inf, 1e30):
+        with pytest.raises(ValueError, match="coordinates: expected whole numbers, found .* at index 1, 0"):
+            nn.Sites([[0.0], [wrong]])
+    corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    for wrong in (1.5, np.nan):
+        with pytest.raises(ValueError, match=r"triangles: expected whole numbers .* found .* at index 0, 2"):
+            nn.sample_surface(corners, [[0, 1, wrong]], 5)
+
+
+def test_training_that_fails_leaves_a_network_as_it_was():
+    X, y = bars(20, 1)
+    network = small().fit(X, y)
+    before, found = dict(network.__dict__), network.predict(X)
+    network.set_params(settings={"network.hidden": -1})
+    with pytest.raises(ValueError):
+        network.fit(X[:, :10, :10], np.arange(20) % 3)
+    for name in ("classes_", "shape_", "settings_", "history_"):
+        assert network.__dict__[name] is before[name]
+    assert np.array_equal(network.predict(X), found)

@@ -185,3 +185,20 @@ def test_objects_are_learned_and_named(village, tmp_path):
     assert part.fit(xyz, code).report_["by_segment"]["points"] > 0
     with pytest.raises(ValueError, match="Red"):
         scansion.ObjectClassifier({"segments.colour": True}).fit(xyz, code)
+
+
+def test_features_of_objects_need_colours_and_heights_that_are_numbers():
+    xyz = np.eye(3)
+
+    def features_of_objects(xyz, **given):
+        return segmentation.object_features(xyz, [0, 0, 1], **given)
+
+    for wrong in (np.nan, 1.5, -0.5):
+        colours = np.full((3, 3), 0.5)
+        colours[1, 2] = wrong
+        for call in (segmentation.supervoxels, features_of_objects):
+            with pytest.raises(ValueError, match="colours: expected numbers in 0..1, found .* at index 1, 2"):
+                call(xyz, colours=colours)
+    for wrong in (np.nan, np.inf):
+        with pytest.raises(ValueError, match="heights: expected finite numbers, found .* at index 0"):
+            features_of_objects(xyz, heights=[wrong, 1, 1])

@@ -320,3 +320,22 @@ def test_descriptors_of_the_road_are_finite():
         features[5, 2] = wrong
         with pytest.raises(ValueError, match=f"features: expected finite numbers, found {wrong} at index 5, 2"):
             terrain.road_points(features, labels)
+
+
+def test_codes_beyond_a_byte_are_not_ground_beside_marks():
+    cloud = village()
+    marks = cloud["Classification"] == 2
+    plain = scansion.PointCloud(cloud.xyz, Classification=np.where(marks, 2, 1))
+    expected = np.asarray(terrain.dtm(plain, ground=marks))
+    for code in (258, 263, -254, np.nan):
+        other = scansion.PointCloud(cloud.xyz, Classification=np.where(marks, 2, code))
+        assert np.array_equal(terrain.dtm(other, ground=marks), expected)
+
+
+def test_marks_that_are_numbers_are_not_read_as_classes():
+    cloud = village()
+    marks = (cloud["Classification"] == 2).astype(int)
+    with pytest.raises(ValueError, match=r"ground: found class [01] \d+ times.*astype\(bool\)"):
+        terrain.dtm(cloud, ground=marks)
+    with pytest.raises(ValueError, match="noise: found class 7 2 times, expected each class once$"):
+        terrain.dtm(cloud, noise=[7, 7])

@@ -147,3 +147,7 @@ def test_uncertainties_are_finite(labelled, wrong):
     doubt[3] = wrong
     with pytest.raises(ValueError, match=f"uncertainty: expected finite numbers, found {wrong} at index 3"):
         scansion.suggest(labelled.xyz, 3, uncertainty=doubt)
+
+
+def test_the_count_of_suggestions_may_be_numpys(labelled):
+    assert len(scansion.suggest(labelled, np.int64(2)).segments) == 2

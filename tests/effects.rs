@@ -170,6 +170,13 @@ fn options_that_would_have_no_effect_are_refused() {
     fails(f, &[&edges[..], &["--weak-labels", "l.csv"]].concat(), 2);
     fails(f, &[&edges[..], &["--map", "1=2"]].concat(), 2);
     fails(f, &["filter", "a.laz", "-o", "b.laz", "--classes", "2", "--window", "9"], 2);
+    fails(f, &["terrain", "a.laz", "-o", "b.tif", "--interval", "2"], 2);
+    fails(f, &["terrain", "a.laz", "-o", "b.tif", "--alpha", "2"], 2);
+    let text = fails(f, &["suggest", "a.laz", "--labelled", "--label-dimension", "Nope", "-o", "s.csv"], 4);
+    assert!(text.contains("no dimension Nope"), "{text}");
+    let depths = ["train", "a.laz", "-o", "o.model", "--classifier", "linear", "--cross-validate", "2", "--block", "5"];
+    let text = fails(f, &[&depths[..], &["--grid-depth", "3,5"]].concat(), 2);
+    assert!(text.contains("depth"), "{text}");
     let text = fails(f, &["classify", "a.laz", "-o", "b.laz", "--map", "9-3=2"], 2);
     assert!(text.contains("9-3=2"), "{text}");
 }
@@ -215,4 +222,31 @@ fn tables_of_commas_have_as_many_columns_as_their_header() {
     let lines: Vec<&str> = told.lines().collect();
     assert!(lines[0].ends_with("duplicates,outside_bounds") && lines[1].starts_with("\"a, b.laz\","), "{told}");
     assert_eq!(lines[1].split(',').count(), lines[0].split(',').count() + 1, "{told}");
+}
+
+#[test]
+fn an_elevation_model_elsewhere_is_warned_of_and_cells_are_square() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    save(f, "a.laz", &street(20.0, 9));
+    let grid = |x: i32, cell: &str| {
+        let heights = vec!["0 ".repeat(30); 30].join("\n");
+        format!("ncols 30\nnrows 30\nxllcorner {x}\nyllcorner -5\n{cell}\nNODATA_value -9999\n{heights}\n")
+    };
+    for (name, x, cell) in
+        [("here.asc", -5, "cellsize 1"), ("far.asc", 900, "cellsize 1"), ("tall.asc", -5, "dx 1\ndy 2")]
+    {
+        std::fs::write(f.join(name), grid(x, cell)).unwrap();
+    }
+    let run = |name: &str| {
+        let command = ["train", "a.laz", "--recipe", "weak", "-o", "o.model", "--overwrite", "--elevation-model", name];
+        let output = PROGRAM.run(f, &command);
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (code, text) = run("here.asc");
+    assert!(code == Some(0) && !text.contains("beyond the elevation model"), "{text}");
+    let (code, text) = run("far.asc");
+    assert!(code == Some(0) && text.contains("beyond the elevation model"), "{text}");
+    let (code, text) = run("tall.asc");
+    assert!(code == Some(4) && text.contains("dy"), "{text}");
 }

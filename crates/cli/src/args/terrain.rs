@@ -54,10 +54,10 @@ pub(crate) struct Terrain {
     #[arg(long, value_name = "FILE")]
     pub(crate) contours: Option<PathBuf>,
     /// Difference of height from one line to the next, in the unit of the cloud
-    #[arg(long, value_name = "HEIGHT", default_value_t = 1.0)]
+    #[arg(long, value_name = "HEIGHT", default_value_t = 1.0, requires = "contours")]
     pub(crate) interval: f64,
     /// Leave out shorter lines of equal height, metres
-    #[arg(long, value_name = "METRES", default_value_t = 5.0)]
+    #[arg(long, value_name = "METRES", default_value_t = 5.0, requires = "contours")]
     pub(crate) min_length: f64,
     /// Outlines of buildings with area, height and number of points, as GeoJSON (.geojson) or GeoPackage (.gpkg)
     #[arg(long, value_name = "FILE")]
@@ -68,17 +68,18 @@ pub(crate) struct Terrain {
     #[arg(long, value_name = "METRES", default_value_t = 100.0)]
     pub(crate) reach: f64,
     /// Classes of buildings
-    #[arg(long, value_name = "CODES", value_delimiter = ',', value_parser = class_code, default_value = "6")]
+    #[arg(long, value_name = "CODES", value_delimiter = ',', value_parser = class_code, default_value = "6",
+        requires = "footprints")]
     pub(crate) building_classes: Vec<u8>,
     /// Leave out buildings of a smaller area, and close smaller holes, m²
-    #[arg(long, value_name = "AREA", default_value_t = 10.0)]
+    #[arg(long, value_name = "AREA", default_value_t = 10.0, requires = "footprints")]
     pub(crate) min_area: f64,
     /// Simplify outlines by up to this distance, metres
-    #[arg(long, value_name = "METRES", default_value_t = 0.5)]
+    #[arg(long, value_name = "METRES", default_value_t = 0.5, requires = "footprints")]
     pub(crate) tolerance: f64,
     /// Separate buildings by gaps wider than twice this, metres; larger than the distance between points [default: twice
     /// that distance, at least 1]
-    #[arg(long, value_name = "METRES")]
+    #[arg(long, value_name = "METRES", requires = "footprints")]
     pub(crate) alpha: Option<f64>,
 }
 

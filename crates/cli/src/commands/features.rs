@@ -117,7 +117,8 @@ fn write(
                 Ok(())
             })?;
             let edits: Vec<Edit> = columns.named(named.names).map(Edit::Dimension).collect();
-            io::rewrite(input, output, &edits, &context.write_options())?;
+            let report = io::rewrite(input, output, &edits, &context.write_options())?;
+            context.report(output, &report);
         }
     }
     context.printer.note(&format!("{}: {width} features of {points} points", output.display()));

@@ -4,7 +4,7 @@ use super::labels::LabelSource;
 use super::{Context, sources};
 use crate::args::{Format, LabelArgs, Segment, SegmentArgs};
 use crate::exit_code::Failure;
-use scansion_core::cloud::{Cloud, Column, Values};
+use scansion_core::cloud::{Cloud, Column, Values, names};
 use scansion_core::images::segment_colour;
 use scansion_core::io::{self, Columns, Edit};
 use scansion_core::recipes::{self, Labels, LevelReport, SegmentParams, SegmentReport, Segmented};
@@ -56,9 +56,10 @@ pub(crate) fn parted(
     let mut options = context.read_options();
     options.columns = Columns::Only([vec![dimension.clone()], settings.columns()].concat());
     let cloud = io::read_with(input, &options)?;
-    let labels = match cloud.column(dimension) {
-        Some(_) => Some(source.read(input, &cloud, context)?).filter(|l| l.unlabelled < cloud.len() as u64),
-        None => None,
+    // A dimension that was asked for must be there.
+    let labels = match cloud.column(dimension).is_some() || dimension != names::CLASSIFICATION {
+        true => Some(source.read(input, &cloud, context)?).filter(|l| l.unlabelled < cloud.len() as u64),
+        false => None,
     };
     source.absent(labels.iter()).iter().for_each(|text| context.printer.warning(text));
     let found = recipes::segment(&cloud, labels.as_ref(), &settings, &context.monitor)?;

@@ -116,6 +116,18 @@ impl Raster {
         index(1, self.rows()) * self.columns + index(0, self.columns)
     }
 
+    /// Lowest and highest x and y.
+    pub fn bounds(&self) -> [[f64; 2]; 2] {
+        let end = |axis: usize, count: usize| self.origin[axis] + self.cell * count as f64;
+        [self.origin, [end(0, self.columns), end(1, self.rows())]]
+    }
+
+    /// Whether a position lies in the raster or less than a cell beyond it.
+    pub fn covers(&self, at: [f64; 2]) -> bool {
+        let [low, high] = self.bounds();
+        (0..2).all(|axis| at[axis] > low[axis] - self.cell && at[axis] < high[axis] + self.cell)
+    }
+
     /// Bilinear height between the four nearest centres; beyond the outermost centres the height at the border.
     pub fn bilinear(&self, at: [f64; 2]) -> f64 {
         let place = |a: usize, count: usize| {
@@ -145,6 +157,8 @@ mod tests {
             assert!((raster.bilinear([100.0 + x, 50.0 + y]) - height(x, y)).abs() < 1e-12);
         }
         assert_eq!(raster.bilinear([-1e9, 1e9]), height(0.5, 3.5));
+        assert_eq!(raster.bounds(), [[100.0, 50.0], [105.0, 54.0]]);
+        assert!(raster.covers([99.5, 54.5]) && !raster.covers([98.9, 52.0]) && !raster.covers([102.0, 55.1]));
         let one = Raster::new([0.0; 2], 2.0, 1, vec![7.0]).unwrap();
         assert_eq!(one.bilinear([5.0, -3.0]), 7.0);
     }

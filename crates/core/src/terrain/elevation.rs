@@ -117,11 +117,23 @@ impl ElevationModel {
         self.raster.bilinear(at)
     }
 
-    /// Height of every point above the ground, metres; negative below it. O(n).
+    /// Height of every point above the ground, metres; negative below it. Points beyond the raster, which are warned of, are
+    /// compared with the height at its border. O(n).
     ///
     /// # Errors
     /// If the work was cancelled.
     pub fn heights(&self, points: &Points, monitor: &Monitor) -> Result<Vec<f32>> {
+        let beyond = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
+            let mut range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
+            Ok(range.any(|i| !self.raster.covers([0, 1].map(|axis| points.world(i)[axis]))))
+        })?;
+        if beyond.contains(&true) {
+            let [[x, y], [right, top]] = self.raster.bounds();
+            monitor.warn(format!(
+                "points lie beyond the elevation model (x {x:.1} to {right:.1}, y {y:.1} to {top:.1}, metres): heights there are \
+                 those above its border"
+            ));
+        }
         let parts = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
             let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
             let above = |i: usize| {

@@ -66,14 +66,14 @@ def spread_labels(labels: ArrayLike, segments: ArrayLike) -> NDArray[np.int16]:
     """The labels of a few points, spread over the segments that these points are in.
 
     All points of a segment get the most frequent of its labels; segments in which several are equally frequent keep what
-    they have, and so do points of no segment (number 0).
+    they have, and so do points of no segment (number 0 or -1).
 
     Parameters
     ----------
     labels : array_like of shape (n,)
         Class codes; negative for points without a label.
     segments : array_like of shape (n,)
-        Number of the segment of each point, as of `segment`.
+        Number of the segment of each point, as of `segment`, -1..4294967295.
 
     Returns
     -------
@@ -86,7 +86,8 @@ def spread_labels(labels: ArrayLike, segments: ArrayLike) -> NDArray[np.int16]:
     >>> scansion.spread_labels([6, -1, -1, 2], [1, 1, 2, 3]).tolist()
     [6, 6, -1, 2]
     """
-    numbers = np.ascontiguousarray(segments)
+    numbers = _arrays.column(segments, "segments")
+    numbers = _arrays.segments(np.where(numbers == -1, 0, numbers), "segments")
     return _core.spread_labels(signed(labels, "labels"), numbers)
 
 

@@ -60,8 +60,20 @@ def filled(value: Any, like: NDArray[Any] | None, length: int) -> NDArray[Any]:
     (array([7, 7], dtype=uint8), array([300, 300], dtype=uint16))
     """
     number = np.asarray(value)
-    kind = number.dtype if like is None else np.result_type(like.dtype, np.min_scalar_type(value))
-    return np.full(length, number, kind)
+    if like is None or number.dtype.kind not in NUMBERS:
+        return np.full(length, number)
+    return np.full(length, number, _holding(number, like.dtype))
+
+
+def _holding(number: NDArray[Any], kind: np.dtype[Any]) -> np.dtype[Any]:
+    """The type of a column of this type that takes a number: its own if that holds whole numbers exactly, and others in
+    range."""
+    if kind.kind != "f":
+        return np.dtype(np.float64) if number.dtype.kind == "f" else np.result_type(kind, np.min_scalar_type(number))
+    with np.errstate(over="ignore"):
+        stored = number.astype(kind)
+    fits = np.isfinite(stored) == np.isfinite(number) if number.dtype.kind == "f" else stored == number
+    return kind if fits else np.dtype(np.float64)
 
 
 def codes(values: Any, name: str, length: int | None = None) -> NDArray[np.uint8]:
@@ -86,6 +98,14 @@ def check_whole(array: NDArray[Any], name: str, high: int) -> None:
     if array.dtype.kind == "f":
         wrong |= array != np.floor(array)
     refuse(wrong, array, f"{name}: expected whole numbers in 0..{high}")
+
+
+def whole_numbers(values: Any, name: str) -> NDArray[np.int64]:
+    """``values`` as whole numbers of either sign, in an array of any shape."""
+    array = np.asarray(values)
+    if array.dtype.kind == "f":
+        refuse((array != np.floor(array)) | ~(np.abs(array) < 2.0**63), array, f"{name}: expected whole numbers")
+    return native(array, np.int64)
 
 
 def finite(array: NDArray[Any], name: str) -> NDArray[Any]:

@@ -15,7 +15,7 @@ from scansion import _core
 from scansion._arrays import column
 from scansion._base import Classifier
 from scansion._cloud import PointCloud, as_cloud
-from scansion._labels import classes_of, encoded, is_text, listed, signed, texts
+from scansion._labels import check_kind, classes_of, encoded, is_text, listed, signed, texts
 from scansion._model_file import has_text, mark_text
 from scansion._progress import Progress, following
 from scansion._settings import dotted_settings
@@ -414,6 +414,8 @@ class PointClassifier(Classifier):
     def _right(self, cloud: Any, labels: Any, regularize: str | None) -> tuple[int, int, int]:
         """Labelled points that are classified correctly, all labelled points, and all points of a cloud."""
         points = as_cloud(cloud)
+        if labels is not None:
+            check_kind(labels, self.classes_, "labels")
         unlabelled = self.unlabelled if self.unlabelled is not None else ()
         if labels is not None and is_text(labels):
             true = texts(labels, "labels", len(points))

@@ -66,6 +66,9 @@ class PointCloud:
         **columns: ArrayLike,
     ) -> None:
         self._take(_core.Cloud.from_xyz(coordinates(xyz)), None)
+        for name in columns:
+            if axis(name) is not None:
+                raise ValueError(f"{name}: found the name of a coordinate, expected that of a column")
         ours = our_names(columns)
         self._fill(crs, metres_per_unit, {ours[name]: values for name, values in columns.items()})
 
@@ -202,7 +205,10 @@ class PointCloud:
         if points.size and (points.ndim != 1 or points.dtype.kind not in "biu"):
             raise TypeError(f"expected the name of a column, bools, indices or a slice, found {key!r}")
         # Negative indices count from the end, as in numpy.
-        return self.select(points if points.dtype.kind != "i" else np.where(points < 0, points + len(self), points))
+        if points.dtype.kind != "i":
+            return self.select(points)
+        at = points.astype(np.int64)
+        return self.select(np.where(at < 0, at + len(self), at))
 
     def _column(self, name: str) -> NDArray[Any]:
         called = meant(name, self.columns)

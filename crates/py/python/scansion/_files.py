@@ -15,7 +15,7 @@ from scansion import _core
 from scansion._arrays import codes, column, mask
 from scansion._cloud import PointCloud, as_cloud
 from scansion._losses import losses
-from scansion._names import asked
+from scansion._names import asked, axis, meant
 
 
 def _box(bounds: ArrayLike | None) -> Any:
@@ -168,7 +168,8 @@ def rewrite(
     classification : array_like of shape (n,), optional
         Class codes 0..255 in the file's order.
     dimensions : mapping of str to array_like of shape (n,), optional
-        Dimensions to add or replace (Extra Bytes in LAS).
+        Dimensions to add or replace (Extra Bytes in LAS). Capitals and underscores in the names of the file's dimensions
+        do not matter, and laspy's names are known too; coordinates are not replaced.
     keep : array_like of shape (n,), bool, optional
         Whether each point is written; all by default. Counts and bounds in a LAS header become those of these points.
     scale : float or three of them, optional
@@ -180,9 +181,17 @@ def rewrite(
         What else had to change, e.g. that LAS was promoted to 1.4 for classes above 31.
     """
     labels = None if classification is None else codes(classification, "classification")
-    extra = [(name, column(values, name)) for name, values in (dimensions or {}).items()]
+    own = info(input)["dimensions"] if dimensions else []
+    extra = [(_dimension(name, own), column(values, name)) for name, values in (dimensions or {}).items()]
     kept = None if keep is None else mask(keep, "keep")
     return _core.rewrite(os.fspath(input), os.fspath(output), (labels, extra), kept, _steps(scale))
+
+
+def _dimension(name: str, own: list[str]) -> str:
+    """The dimension that a name means in a file with these."""
+    if axis(name) is not None:
+        raise ValueError(f"dimensions: found {name}, the name of a coordinate, expected other names")
+    return meant(name, own)
 
 
 def info(path: str | os.PathLike[str], *, stats: bool = False) -> dict[str, Any]:

@@ -48,8 +48,15 @@ def choice(ground: Any) -> Any:
 
 
 def code_list(classes: Any, name: str) -> list[int]:
-    """Class codes as a list."""
-    return [int(code) for code in codes(np.atleast_1d(np.asarray(classes)), name)]
+    """Class codes as a list; one that stands twice is refused, as codes or marks of all points would be."""
+    array = np.atleast_1d(np.asarray(classes))
+    found, counts = np.unique(codes(array, name), return_counts=True)
+    if (counts > 1).any():
+        marks = name == "ground" and array.dtype != np.bool_
+        hint = "; marks of all points are bool, as of .astype(bool)" if marks else ""
+        at = int(counts.argmax())
+        raise ValueError(f"{name}: found class {found[at]} {counts[at]} times, expected each class once{hint}")
+    return [int(code) for code in codes(array, name)]
 
 
 def is_marks(ground: Any) -> bool:
@@ -66,6 +73,8 @@ def marked(xyz: Any, ground: Any) -> tuple[PointCloud, Any]:
     if mask.shape != (len(cloud),):
         raise ValueError(f"ground: expected shape ({len(cloud)},), found {mask.shape}")
     old = cloud["Classification"] if "Classification" in cloud else np.zeros(len(cloud))
+    # Cast to a byte, other numbers would become classes such as ground or noise.
+    old = np.where((old >= 0) & (old <= 255) & (old == np.floor(old)), old, 1)
     cloud = cloud.copy()
     cloud._put("Classification", np.where(mask, 2, np.where(old == 2, 1, old)).astype(np.uint8))
     return cloud, [2]

@@ -23,6 +23,13 @@ def is_text(values: Any) -> bool:
     return any(isinstance(value, (str, bytes)) for value in array.ravel())
 
 
+def check_kind(values: Any, classes: NDArray[Any], name: str) -> None:
+    """Refuses text where the classes are numbers, and numbers where they are text."""
+    kinds = ["text" if is_text(array) else "numbers" for array in (values, classes)]
+    if kinds[0] != kinds[1]:
+        raise ValueError(f"{name}: found {kinds[0]}, expected {kinds[1]}, which is what the model learned")
+
+
 def texts(values: Any, name: str, length: int | None = None) -> NDArray[np.object_]:
     """Labels as text, one a point; None for missing ones (None or NaN)."""
     array = np.asarray(values)

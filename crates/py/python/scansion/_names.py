@@ -64,6 +64,8 @@ def our_names(names: Iterable[str]) -> dict[str, str]:
 
 def asked(names: list[str] | None) -> list[str] | None:
     """Columns to read from a file: these, and ours that they may mean."""
+    if isinstance(names, str):
+        raise TypeError(f"columns: found {names!r}, expected a list of names, as in [{names!r}]")
     return names if names is None else list(dict.fromkeys([*names, *(meant(name, []) for name in names)]))
 
 

@@ -200,7 +200,7 @@ def suggest(
     if labels is not None:
         points = points.copy()
         points._put(_LABELS, signed(labels, "labels", len(points)))
-    wishes = json.dumps({"count": count})
+    wishes = to_json({"count": count})
     doubt: Any = None
     if model is not None:
         model = PointClassifier.load(model) if isinstance(model, (str, os.PathLike)) else model

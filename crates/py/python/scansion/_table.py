@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scansion import _validation
 from scansion._base import Classifier
+from scansion._labels import check_kind
 
 Self = TypeVar("Self", bound="TableClassifier")
 
@@ -126,7 +127,9 @@ class TableClassifier(Classifier):
         sample_weight : array_like of shape (n_samples,), optional
         """
         found = self.predict(X)
-        right = found == _validation.labels(y, len(found), type(self).__name__)
+        labels = _validation.labels(y, len(found), type(self).__name__)
+        check_kind(labels, self.classes_, "y")
+        right = found == labels
         return float(np.average(right, weights=None if sample_weight is None else np.asarray(sample_weight)))
 
     @property

@@ -85,9 +85,15 @@ def labels(values: Any, rows: int, name: str) -> NDArray[Any]:
                 "Unknown label type: continuous. Maybe you are trying to fit a classifier, which expects discrete "
                 "classes on a regression target with continuous values."
             )
+    if array.dtype.kind == "O" and any(_is_missing(label) for label in array.tolist()):
+        raise ValueError("Input y contains NaN.")
     if array.dtype.kind == "c":
         raise ValueError("Complex data not supported: y must be discrete labels")
     return array
+
+
+def _is_missing(label: Any) -> bool:
+    return label is None or (isinstance(label, (float, np.floating)) and bool(np.isnan(label)))
 
 
 def check_lengths(rows: int, other: int) -> None:

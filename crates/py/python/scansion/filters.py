@@ -222,8 +222,8 @@ def filter_file(
     settings: dict[str, Any] = {
         "classes": code_list(classes, "classes") if len(classes) else [],
         "drop_classes": code_list(drop_classes, "drop_classes") if len(drop_classes) else [],
-        "statistical": _method(statistical),
-        "radius": _method(radius),
+        "statistical": _method(statistical, "statistical"),
+        "radius": _method(radius, "radius"),
         "mark": mark,
         "height": None if height is None else _range(height),
         "ground": {
@@ -243,10 +243,12 @@ def filter_file(
     return report
 
 
-def _method(setting: bool | Mapping[str, Any]) -> Any:
+def _method(setting: bool | Mapping[str, Any] | None, name: str) -> Any:
     """Parameters of a search for outliers; None without one."""
     if isinstance(setting, Mapping):
         return dict(setting)
+    if not isinstance(setting, (bool, np.bool_, type(None))):
+        raise TypeError(f"{name}: found {setting!r}, expected True, False or a dict of parameters")
     return {} if setting else None
 
 

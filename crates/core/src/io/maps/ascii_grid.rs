@@ -65,6 +65,13 @@ pub fn read_ascii_grid(path: &Path) -> Result<Raster> {
     };
     let (columns, rows) = (count(["ncols", "ncols"])?, count(["nrows", "nrows"])?);
     let cell = needed(["cellsize", "dx"])?.1;
+    if let Some((name, height)) = field(["dy", "dy"]) {
+        let height = height?;
+        if (height - cell).abs() > 1e-9 * cell.abs() {
+            let allowed = format!("{cell}, as dx: cells are square");
+            return Err(malformed(path, name, "line 1".into(), Mismatch::new(height, allowed)));
+        }
+    }
     let nodata = field(["nodata_value", "nodata"]).map(|(_, value)| value).transpose()?;
     let heights = heights(path, body, nodata)?;
     if columns.checked_mul(rows) != Some(heights.len()) {
@@ -168,6 +175,7 @@ mod tests {
             ("ncols 3\n", "", "ncols"),
             ("cellsize 2", "cellsize", "cellsize"),
             ("cellsize 2", "cellsize 0", "above 0"),
+            ("cellsize 2", "dx 2\ndy 4", "as dx"),
             ("1 -9999 3", "1 nan 3", "line 8"),
         ] {
             let error = read(&GRID.replace(old, new)).unwrap_err().to_string();

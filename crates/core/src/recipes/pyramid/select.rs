@@ -5,7 +5,7 @@ use super::described::SampleTable;
 use super::report::DepthScore;
 use crate::classification::cross_validation::{FoldScore, GridScore, grid_search};
 use crate::classification::{ClassifierParams, Samples};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::evaluation::{ClassScores, Confusion};
 use crate::parallel::Monitor;
 use crate::recipes::TrainOptions;
@@ -51,6 +51,13 @@ fn cross_validate(
     let SpatialFolds { of: folds, square: block } = spatial_folds(&described.places, options.folds(), options.block)?;
     let mut grid = vec![recipe.classifier()];
     if !options.depths.is_empty() {
+        if grid[0].max_depth().is_none() {
+            return Err(Error::parameter(
+                "depths",
+                format!("{:?}", options.depths),
+                "none: the classifier has no depth",
+            ));
+        }
         grid = options.depths.iter().map(|&depth| with_depth(recipe.classifier(), depth)).collect();
     }
     let scores = grid_search(&described.samples(), &grid, &folds, monitor)?;

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import choice, to_json
+from scansion._arrays import choice, to_json, whole_numbers
 from scansion._settings import seed, whole
 from scansion.nn._tensor import SparseTensor
 
@@ -47,7 +47,7 @@ class Sites:
     """
 
     def __init__(self, coordinates: Any, n_jobs: int | None = None) -> None:
-        coordinates = np.ascontiguousarray(coordinates, np.int64)
+        coordinates = whole_numbers(coordinates, "coordinates")
         if coordinates.ndim != 2:
             raise ValueError(f"coordinates: found shape {coordinates.shape}, expected shape (n, axes)")
         if not 1 <= coordinates.shape[1] <= 4:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
+from scansion._arrays import check_whole
 from scansion._settings import seed, whole
 
 Path = str | os.PathLike[str]
@@ -116,6 +117,7 @@ def sample_surface(vertices: Any, triangles: Any, count: int, random_state: Any 
     corners = np.ascontiguousarray(vertices, np.float64)
     if corners.ndim != 2:
         raise ValueError(f"vertices: found shape {corners.shape}, expected (n, 3)")
+    check_whole(triangles, "triangles", 0xFFFFFFFF)
     rows = np.ascontiguousarray(triangles, np.uint32)
     return _core.sample_surface(corners, rows, whole(count, "count", 0), seed(random_state))
 

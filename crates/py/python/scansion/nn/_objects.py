@@ -137,29 +137,29 @@ class VoxelClassifier(Classifier):
             As `scansion.progress`.
         """
         labels, kind = _kind(y)
-        self.classes_, codes = np.unique(labels, return_inverse=True)
-        objects, self.shape_ = samples(X, codes, whole(self.resolution, "resolution", 2))
-        self.settings_ = self._settings()
-        network, learning = to_json(self.settings_["network"]), to_json(self.settings_["learning"])
-        training = _core.ObjectTraining(network, learning, objects, [str(name) for name in self.classes_])
+        classes, codes = np.unique(labels, return_inverse=True)
+        objects, shape = samples(X, codes, whole(self.resolution, "resolution", 2))
+        settings = self._settings(min(shape["extent"]))
+        network, learning = to_json(settings["network"]), to_json(settings["learning"])
+        training = _core.ObjectTraining(network, learning, objects, [str(name) for name in classes])
         path = None if checkpoint is None else os.fspath(checkpoint)
         if path is not None and os.path.exists(path):
             training.resume(path, objects)
-        self.history_ = []
+        history: list[dict[str, Any]] = []
         with following(progress):
-            while training.epochs() < self.settings_["learning"]["epochs"]:
+            while training.epochs() < settings["learning"]["epochs"]:
                 start = time.perf_counter()
                 report = json.loads(training.epoch(objects, self.n_jobs))
-                self.history_.append({**report, "seconds": time.perf_counter() - start})
+                history.append({**report, "seconds": time.perf_counter() - start})
                 if path is not None:
                     training.save(path, objects)
         self._model = training.model(json.dumps(kind))
+        self.classes_, self.shape_, self.settings_, self.history_ = classes, shape, settings, history
         return self
 
-    def _settings(self) -> dict[str, Any]:
-        """All settings under the core's names."""
+    def _settings(self, shortest: int) -> dict[str, Any]:
+        """All settings under the core's names, for objects with so many cells along the shortest axis."""
         density = None if self.density is None else share(self.density, "density")
-        shortest = min(self.shape_["extent"])
         preset = json.loads(_core.object_preset(self.network, shortest, density, bool(self.dense)))
         network, learning = preset["network"], {**preset["learning"], "seed": seed(self.random_state)}
         if self.epochs is not None:
