@@ -187,7 +187,7 @@ def test_objects_are_learned_and_named(village, tmp_path):
         scansion.ObjectClassifier({"segments.colour": True}).fit(xyz, code)
 
 
-def test_features_of_objects_need_colours_and_heights_that_are_numbers():
+def test_colours_of_objects_and_supervoxels_are_shares():
     xyz = np.eye(3)
 
     def features_of_objects(xyz, **given):
@@ -199,6 +199,3 @@ def test_features_of_objects_need_colours_and_heights_that_are_numbers():
         for call in (segmentation.supervoxels, features_of_objects):
             with pytest.raises(ValueError, match="colours: expected numbers in 0..1, found .* at index 1, 2"):
                 call(xyz, colours=colours)
-    for wrong in (np.nan, np.inf):
-        with pytest.raises(ValueError, match="heights: expected finite numbers, found .* at index 0"):
-            features_of_objects(xyz, heights=[wrong, 1, 1])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import choice, column, finite, native, refuse, segments, to_json
+from scansion._arrays import choice, column, native, refuse, segments, to_json
 from scansion._cloud import as_cloud
 from scansion._graph import as_rows
 
@@ -89,7 +89,7 @@ def object_features(
     colours : array_like of shape (n, 3), optional
         Red, green and blue, 0..1.
     heights : array_like of shape (n,), optional
-        Height of each point above the ground, metres, finite, as of `scansion.terrain.heights`.
+        Height of each point above the ground, metres, as of `scansion.terrain.heights`; NaN where it is not known.
     n_jobs : int, optional
         Number of threads; None and -1 use all. The result does not depend on it.
 
@@ -108,8 +108,7 @@ def object_features(
     """
     cloud = as_cloud(xyz, columns=[])
     of = segments(labels, "labels", len(cloud))
-    above = None if heights is None else finite(column(heights, "heights", len(cloud)), "heights")
-    above = above if above is None else native(above, np.float32)
+    above = None if heights is None else native(column(heights, "heights", len(cloud)), np.float32)
     return _core.object_features(cloud._core, of, _colours(colours, len(cloud)), above, n_jobs)
 
 
