@@ -9,7 +9,17 @@ import time
 import numpy as np
 import pytest
 import scansion
-from scansion import RandomForestClassifier, features, graph, regularisation, segmentation, terrain
+from scansion import (
+    RandomForestClassifier,
+    evaluation,
+    features,
+    filters,
+    graph,
+    nn,
+    regularisation,
+    segmentation,
+    terrain,
+)
 
 XYZ = np.random.default_rng(0).uniform(0, 10, (300, 3))
 
@@ -27,6 +37,8 @@ def table(xyz):
         pytest.param(lambda x: x.astype(">f8"), id="byte-swapped"),
         pytest.param(lambda x: np.frombuffer(x.tobytes()).reshape(-1, 3), id="read-only"),
         pytest.param(lambda x: x.tolist(), id="list"),
+        pytest.param(np.ma.asarray, id="without masked values"),
+        pytest.param(lambda x: np.ma.masked_less(x, -1), id="with a mask of which nothing is masked"),
         pytest.param(
             lambda x: np.frombuffer(b"\0" + x.tobytes(), np.uint8)[1:].view("f8").reshape(-1, 3),
             id="odd address",
@@ -252,3 +264,91 @@ def test_messages_name_arguments_of_python(tmp_path):
     degrees = scansion.PointCloud(XYZ, crs="EPSG:4326")
     with pytest.raises(ValueError, match=r"which \(metres_per_unit\)"):
         scansion.segment(degrees)
+
+
+def masked(values, *at):
+    """The array, in which the first value, or that at an index, is masked."""
+    found = np.ma.array(values)
+    found[at or 0] = np.ma.masked
+    return found
+
+
+CODES = np.repeat([2, 6], 150)
+EDGES = [[0, 1], [1, 2]]
+COLUMN = masked(np.ones(300))
+ROWS = masked(XYZ, 5, 2)
+TENSOR = nn.SparseTensor.from_dense(np.eye(3)[None, None])
+RASTER = terrain.Raster(masked(np.ones((3, 3)), 1, 1), (0.0, 3.0), 1.0)
+FOREST = RandomForestClassifier(n_estimators=2).fit(XYZ, CODES)
+MASKED = {
+    "coordinates": [
+        lambda: table(ROWS),
+        lambda: scansion.PointCloud(ROWS),
+        lambda: scansion.PointCloud([*map(np.ma.array, XYZ[:5].tolist()), ROWS[5]]),
+        lambda: scansion.SpatialKFold(2).folds(ROWS),
+    ],
+    "x": [lambda: table(np.ma.array(np.rec.fromarrays(list(XYZ.T), names="x,y,z"), mask=[(1, 0, 0), *[(0, 0, 0)] * 299]))],
+    "X": [
+        lambda: scansion.SpatialKFold(2).folds(masked(np.ones((300, 4)), 0, 3)),
+        lambda: FOREST.predict(ROWS),
+        lambda: nn.VoxelClassifier("mnist").fit(masked(np.ones((4, 12, 12)), 0, 0, 0), [0, 0, 1, 1]),
+        lambda: nn.VoxelClassifier().fit([ROWS, XYZ], [0, 1]),
+    ],
+    "Height": [
+        lambda: scansion.PointCloud(XYZ, Height=COLUMN),
+        lambda: scansion.PointCloud(XYZ).__setitem__("Height", COLUMN),
+        lambda: scansion.PointCloud(XYZ).__setitem__("Height", np.ma.masked),
+    ],
+    "points": [
+        lambda: scansion.PointCloud(XYZ)[COLUMN > 0],
+        lambda: scansion.PointCloud(XYZ).select(masked([1, 2])),
+        lambda: scansion.contours.score_points(ROWS, CODES == 2, CODES == 2),
+    ],
+    "labels": [
+        lambda: scansion.PointClassifier().fit(XYZ, masked(CODES)),
+        lambda: scansion.PointClassifier(unlabelled=[]).fit(XYZ, masked(CODES)),
+        lambda: scansion.PointClassifier().fit(XYZ, masked(CODES.astype(str))),
+        lambda: scansion.PointClassifier.default().score(XYZ, masked(CODES)),
+        lambda: scansion.suggest(XYZ, labels=masked(CODES)),
+        lambda: scansion.spread_labels(masked(CODES), CODES),
+        lambda: segmentation.segment_shapes(XYZ, masked(CODES)),
+        lambda: regularisation.energy(masked([0, 1, 0]), np.ones((3, 2)), EDGES),
+    ],
+    "y": [
+        lambda: RandomForestClassifier().fit(XYZ, masked(CODES)),
+        lambda: FOREST.score(XYZ, masked(CODES)),
+        lambda: nn.VoxelClassifier("mnist").fit(np.ones((4, 12, 12)), masked([0, 0, 1, 1])),
+    ],
+    "sample_weight": [
+        lambda: RandomForestClassifier().fit(XYZ, CODES, COLUMN),
+        lambda: FOREST.score(XYZ, CODES, COLUMN),
+        lambda: scansion.PointClassifier().fit(XYZ, CODES, sample_weight=COLUMN),
+    ],
+    "truth": [lambda: evaluation.scores(masked(CODES), CODES), lambda: evaluation.scores(masked(["a", "b"]), ["a", "b"])],
+    "predicted": [lambda: evaluation.report(CODES, masked(CODES))],
+    "segments": [lambda: scansion.segment_colours(masked(CODES))],
+    "uncertainty": [lambda: scansion.suggest(XYZ, uncertainty=COLUMN)],
+    "ground": [lambda: terrain.heights(XYZ, COLUMN > 0), lambda: terrain.dtm(XYZ, ground=COLUMN > 0)],
+    "heights": [lambda: segmentation.object_features(XYZ, CODES, heights=COLUMN)],
+    "colours": [lambda: segmentation.supervoxels(XYZ, colours=masked(np.ones((300, 3)), 0, 0))],
+    "raster": [lambda: terrain.contours(RASTER), lambda: terrain.write_raster("absent/a.asc", RASTER)],
+    "values": [lambda: segmentation.merge(masked(np.ones((3, 1)), 0, 0), EDGES)],
+    "edges": [lambda: segmentation.merge(np.ones((3, 1)), masked(EDGES, 0, 0))],
+    "weights": [
+        lambda: segmentation.merge(np.ones((3, 1)), EDGES, masked([1.0, 2.0])),
+        lambda: nn.submanifold_convolution([[0]], [[1.0]], masked(np.ones((3, 1, 1)), 0, 0, 0)),
+        lambda: nn.sparse_convolution(TENSOR, masked(np.ones((1, 1, 3, 3)), 0, 0, 0, 0)),
+    ],
+    "features": [lambda: nn.submanifold_convolution([[0]], masked([[1.0]], 0, 0), np.ones((3, 1, 1)))],
+    "strengths": [lambda: scansion.contours.baseline(XYZ, COLUMN)],
+    "line 1": [lambda: scansion.contours.labels(XYZ, [XYZ[:2], ROWS], voxel=1.0)],
+    "contours": [lambda: scansion.render(XYZ, contours=[ROWS])],
+    "polygon": [lambda: filters.inside_polygon(XYZ, masked([[0.0, 0], [1, 0], [0, 1]], 0, 0))],
+    "vertices": [lambda: nn.sample_surface(ROWS, [[0, 1, 2]], 5)],
+}
+
+
+@pytest.mark.parametrize(("name", "call"), [(name, call) for name, calls in MASKED.items() for call in calls])
+def test_masked_values_are_refused_not_used(name, call):
+    with pytest.raises(ValueError, match=rf"^{name}: found 1 masked values, expected none: \.filled\(value\)"):
+        call()

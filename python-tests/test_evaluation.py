@@ -99,7 +99,7 @@ def test_each_side_has_a_map_of_its_own():
         evaluation.scores(["a"], ["a"], map_truth="1=2")
 
 
-@pytest.mark.parametrize("wrong", [2**32 + 1, -1, 0.2, np.nan, np.inf, 2**64 - 1])
+@pytest.mark.parametrize("wrong", [2**32 + 1, -2, 0.2, np.nan, np.inf, 2**64 - 1])
 def test_numbers_of_segments_are_not_cut(wrong):
     labels, truth, xyz = np.array([1, wrong]), [2, 6], np.eye(2, 3)
     calls = {
@@ -112,10 +112,47 @@ def test_numbers_of_segments_are_not_cut(wrong):
         "segment_colours": lambda: segment_colours(labels),
     }
     for call in calls.values():
-        with pytest.raises(ValueError, match=r"expected whole numbers in 0\.\.4294967295, found .* at index 1"):
+        with pytest.raises(ValueError, match=r"expected whole numbers in -1\.\.4294967295, found .* at index 1"):
             call()
 
 
 def test_whole_floats_and_the_largest_number_are_segments():
     for labels in ([1.0, 4294967295.0], np.array([1, 2**32 - 1], dtype=np.uint64), [True, False]):
         assert evaluation.purities(labels, [2, 6]).tolist() == [1, 1]
+
+
+def test_points_of_no_segment_are_left_out():
+    """Points of -1, as of `supervoxels`: the result is that of the other points alone."""
+    random = np.random.default_rng(5)
+    xyz, truth, labels = random.uniform(0, 9, (300, 3)), random.integers(0, 3, 300), random.integers(-1, 6, 300)
+    colours, heights = random.uniform(0, 1, (300, 3)), random.uniform(0, 9, 300)
+    edges, weights = random.permutation(300)[:200].reshape(-1, 2), random.uniform(0, 1, 100)
+    kept = labels >= 0
+    inside = kept[edges].all(1)
+    between = (np.cumsum(kept) - 1)[edges[inside]]
+    assert 0 < kept.sum() < 300 and 0 < inside.sum() < 100
+    calls = [
+        (segmentation.segment_shapes, (xyz, labels), (xyz[kept], labels[kept]), {}),
+        (segmentation.segment_graph, (edges, labels, weights), (between, labels[kept], weights[inside]), {"interface": "weight"}),
+        (segmentation.segment_graph, (edges, labels), (between, labels[kept]), {}),
+        (evaluation.purities, (labels, truth), (labels[kept], truth[kept]), {}),
+        (evaluation.boundary_scores, (edges, labels, truth), (between, labels[kept], truth[kept]), {}),
+        (evaluation.segmentation_error, (xyz, labels, truth), (xyz[kept], labels[kept], truth[kept]), {"cell": 1.0}),
+    ]
+    for call, all_points, some, options in calls:
+        np.testing.assert_equal(call(*all_points, **options), call(*some, **options))
+    rows, names = segmentation.object_features(xyz, labels, colours=colours, heights=heights)
+    some = segmentation.object_features(xyz[kept], labels[kept], colours=colours[kept], heights=heights[kept])
+    np.testing.assert_array_equal(rows, some[0])
+    assert names == some[1]
+    assert segment_colours([-1, 0, 4]).tolist() == segment_colours([0, 0, 4]).tolist()
+    with pytest.raises(ValueError, match="edge 0-9 does not join two of the 2 nodes"):
+        segmentation.segment_graph([[0, 9]], [-1, 1])
+
+
+def test_no_point_in_a_segment_is_no_segment():
+    xyz, none = np.eye(3), [-1, -1, -1]
+    assert segmentation.segment_shapes(xyz, none).points.tolist() == []
+    assert len(segmentation.object_features(xyz, none)[0]) == 0
+    assert len(evaluation.purities(none, [2, 2, 6])) == 0
+    assert segmentation.segment_graph([[0, 1]], none)[0].shape == (0, 2)

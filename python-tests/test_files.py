@@ -347,3 +347,27 @@ def test_rewritten_dimensions_are_neither_fields_nor_axes_in_disguise(tmp_path):
         scansion.rewrite(tmp_path / name, tmp_path / name, dimensions={"height": heights + 1})
         assert scansion.read(tmp_path / name)["Height"].tolist() == [2, 3, 4]
         assert scansion.read(tmp_path / name).columns == ["Height"]
+
+
+@pytest.mark.parametrize("name", ["a.las", "a.laz", "a.ply", "a.pcd", "a.npz", "a.csv"])
+def test_columns_that_a_file_does_not_have_are_named(tmp_path, name):
+    cloud = scansion.PointCloud(np.eye(3), Intensity=np.array([1, 2, 3], np.uint16), Height=np.ones(3))
+    scansion.write(tmp_path / name, cloud)
+    for read in (scansion.read, lambda *given, **named: next(scansion.blocks(*given, **named))):
+        with pytest.raises(ValueError, match=r"columns: found 'Nope', 'Higth' \(did you mean 'Height'\?\), .*Intensity.*Height"):
+            read(tmp_path / name, columns=["Nope", "Intensity", "Higth"])
+        for known in (scansion.info(tmp_path / name)["dimensions"], ["Height", "intensity", "x"]):
+            assert {"Intensity", "Height"} <= set(read(tmp_path / name, columns=known).columns)
+    scansion.write(tmp_path / name, cloud[:0])
+    assert "Height" in scansion.read(tmp_path / name, columns=["Height"])
+
+
+def test_columns_of_text_are_those_that_were_named(tmp_path):
+    (tmp_path / "a.txt").write_text("1 2 3 4 5\n")
+    named = {"text_columns": ["x", "y", "z", "quality", "intensity"]}
+    assert scansion.read(tmp_path / "a.txt", ["quality"], **named).columns == ["quality"]
+    with pytest.raises(ValueError, match="columns: found 'Nope', expected columns of the file: quality, intensity$"):
+        scansion.read(tmp_path / "a.txt", ["Nope"], **named)
+    (tmp_path / "a.txt").write_text("1 2 3\n")
+    with pytest.raises(ValueError, match="it has none$"):
+        scansion.read(tmp_path / "a.txt", ["Nope"])

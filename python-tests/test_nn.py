@@ -1,5 +1,7 @@
 """Sparse convolutions agree with scipy's dense correlation, and their gradients with differences."""
 
+import copy
+import pickle
 import sys
 import types
 
@@ -510,3 +512,42 @@ def test_training_that_fails_leaves_a_network_as_it_was():
     for name in ("classes_", "shape_", "settings_", "history_"):
         assert network.__dict__[name] is before[name]
     assert np.array_equal(network.predict(X), found)
+
+
+@pytest.mark.parametrize("labels", [["lying", "upright"], [3, 7], [False, True]])
+def test_networks_are_copied_and_pickled(labels):
+    X, y = bars(40, 1)
+    y = np.where(y == "upright", labels[1], labels[0])
+    network = small(random_state=np.random.RandomState(3)).fit(X, y)
+    joblib = pytest.importorskip("joblib")
+    by_joblib = joblib.Parallel(n_jobs=2)(joblib.delayed(type(network).predict_proba)(network, X) for _ in range(2))
+    for again in (pickle.loads(pickle.dumps(network)), copy.deepcopy(network), copy.copy(network)):
+        np.testing.assert_array_equal(again.predict_proba(X), network.predict_proba(X))
+        assert again.classes_.dtype == network.classes_.dtype and again.classes_.tolist() == network.classes_.tolist()
+        assert again.history_ == network.history_ and again.settings_ == network.settings_
+        assert repr(again.get_params()["settings"]) == repr(network.settings)
+        assert again.weights().keys() == network.weights().keys()
+    for found in by_joblib:
+        np.testing.assert_array_equal(found, network.predict_proba(X))
+    assert pickle.loads(pickle.dumps(small())).get_params() == small().get_params()
+
+
+def test_scores_of_objects_with_labels_of_another_kind_are_refused():
+    X, y = bars(40, 1)
+    codes = np.where(y == "upright", 1, 0)
+    for labels, other, found in [(y, codes, "numbers"), (codes, y, "text"), (codes, y.astype(object), "text")]:
+        network = small().fit(X, labels)
+        assert network.score(X, labels) > 0.9
+        with pytest.raises(ValueError, match=f"y: found {found}, expected (text|numbers), which is what the model learned"):
+            network.score(X, other)
+    with pytest.raises(ValueError, match="not fitted"):
+        small().score(X, y)
+
+
+def test_layers_are_copied_and_pickled_after_a_call():
+    layer = nn.SparseConv3d(2, 3, random_state=1)
+    places, features = [[0, 0, 0], [0, 0, 1]], np.ones((2, 2))
+    found = layer(places, features)
+    for again in (pickle.loads(pickle.dumps(layer)), copy.deepcopy(layer)):
+        np.testing.assert_array_equal(again(places, features), found)
+    assert layer.backward(np.ones((2, 3))).shape == (2, 2)

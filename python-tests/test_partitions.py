@@ -199,3 +199,78 @@ def test_colours_of_objects_and_supervoxels_are_shares():
         for call in (segmentation.supervoxels, features_of_objects):
             with pytest.raises(ValueError, match="colours: expected numbers in 0..1, found .* at index 1, 2"):
                 call(xyz, colours=colours)
+
+
+def test_supervoxels_go_on_to_the_functions_of_segments(village):
+    """Also if some points are in none: here two points far from all others."""
+    xyz, code = village
+    xyz, code = np.concatenate([xyz, [[300, 300, 0], [300, 390, 9]]]), np.append(code, [2, 2])
+    labels = segmentation.supervoxels(xyz, size=3.0)
+    assert (labels == -1).any()
+    count = labels.max() + 1
+    edges, _ = graph.knn_graph(xyz, k=4)
+    assert len(segmentation.segment_shapes(xyz, labels).points) == count
+    assert len(segmentation.object_features(xyz, labels)[0]) == count
+    assert len(evaluation.purities(labels, code)) == count
+    assert segmentation.segment_graph(edges, labels)[0].max() < count
+    assert evaluation.boundary_scores(edges, labels, code)["recall"] > 0.5
+    assert evaluation.segmentation_error(xyz, labels, code, cell=0.5)["error"] < 0.5
+    assert scansion.segment_colours(labels).shape == (len(xyz), 3)
+
+
+UNUSED = [("cutoff", method) for method in METHODS if method not in ("cut-pursuit", "merge")]
+UNUSED += [("k_min", method) for method in METHODS if method not in ("cut-pursuit", "merge", "felzenszwalb")]
+
+
+@pytest.mark.parametrize(("option", "method"), UNUSED)
+def test_options_that_the_method_does_not_use_are_refused(village, option, method, tmp_path):
+    xyz = village[0]
+    file = tmp_path / "own.toml"
+    file.write_text(f"# method = \"merge\"\n method = '{method}'  # Mine.\n[partition]\nmethod = \"merge\"\n")
+    choices = [{"method": method}, {"recipe": method}, {"recipe": {"method": method}}, {"recipe": {"recipe": method}}]
+    for choice in [*choices, {"recipe": file}, {"recipe": file.read_text()}, {"recipe": "merge", "method": method}]:
+        with pytest.raises(ValueError, match=f"method.*{method}.*one of cut-pursuit, merge.*{option}"):
+            scansion.segment(xyz, **choice, **{option: 20})
+
+
+def test_options_that_the_method_uses_have_an_effect(village):
+    xyz = village[0][::4] + np.random.default_rng(1).normal(0, 0.1, (1600, 3))
+    for option, methods in [("cutoff", ("cut-pursuit", "merge")), ("k_min", ("cut-pursuit", "merge", "felzenszwalb"))]:
+        for method in methods:
+            plain = scansion.segment(xyz, method=method).cluster_id
+            assert not np.array_equal(scansion.segment(xyz, method=method, **{option: 40}).cluster_id, plain)
+    for recipe in (None, "merge", "cut-pursuit-paper", "neighbours = 8\n", {"neighbours": 8}, {"recipe": "merge"}):
+        assert scansion.segment(xyz, recipe=recipe, cutoff=20, k_min=12).report["segments"] > 0
+    with pytest.raises(ValueError, match="bricks"):
+        scansion.segment(xyz, method="bricks", cutoff=20)
+    assert scansion.suggest(xyz, 2, method="slic", k_min=12).segments != scansion.suggest(xyz, 2, method="slic").segments
+
+
+def test_seeds_reach_the_clusters(village):
+    xyz = village[0] + np.random.default_rng(1).normal(0, 0.1, (6400, 3))
+    few = {"clusters.automatic.sample": 50}
+
+    def radius(**given):
+        return scansion.segment(xyz, method="clusters", **given).report["clusters"]["automatic"]["radius"]
+
+    assert radius(recipe=few, random_state=7) == radius(recipe={**few, "clusters.seed": 7}) != radius(recipe=few)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"k_min": 20.5},
+        {"k_min": 20.0},
+        {"k_min": "20"},
+        {"random_state": 1.5},
+        {"random_state": -1},
+        {"levels": [3, 4.7], "method": "riemannian"},
+    ],
+)
+def test_numbers_of_segmentation_are_not_cut(village, options):
+    name, calls = next(iter(options)), [scansion.segment] if "levels" in options else [scansion.segment, scansion.suggest]
+    for call in calls:
+        with pytest.raises(ValueError, match=f"^{name}: found .*, expected a whole number"):
+            call(village[0], **options)
+    numbers = {"k_min": np.int32(20), "random_state": np.uint8(3)}
+    assert scansion.segment(village[0], **numbers).report["segments"] > 0

@@ -151,3 +151,22 @@ def test_uncertainties_are_finite(labelled, wrong):
 
 def test_the_count_of_suggestions_may_be_numpys(labelled):
     assert len(scansion.suggest(labelled, np.int64(2)).segments) == 2
+
+
+@pytest.mark.parametrize(("name", "value"), [("count", 2.7), ("count", 0), ("offer", [2, 5.5]), ("offer", {5.5: "hedge"})])
+def test_numbers_of_suggestions_are_not_cut(labelled, tmp_path, name, value):
+    given = {"count": 2, "page": tmp_path / "page.html", name: value}
+    with pytest.raises(ValueError, match=f"^{name}: found .*, expected a whole number"):
+        scansion.suggest(labelled, **given)
+
+
+@pytest.mark.parametrize("wrong", [300, 2.5])
+def test_classes_that_are_no_codes_are_given_as_labels(labelled, wrong):
+    codes = np.where(labelled["Classification"] == 6, wrong, -1)
+    labelled["Classification"] = codes
+    message = rf"Classification: expected codes 0\.\.255 \(.*given as labels\), found {wrong} at index "
+    with pytest.raises(ValueError, match=message):
+        scansion.suggest(labelled, 3, labelled=True)
+    found = scansion.suggest(labelled, 3, labels=np.where(codes == wrong, 6, -1))
+    labelled["Classification"] = np.where(codes == wrong, 6, -1)
+    assert scansion.suggest(labelled, 3, labelled=True).segments == found.segments

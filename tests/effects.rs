@@ -249,4 +249,115 @@ fn an_elevation_model_elsewhere_is_warned_of_and_cells_are_square() {
     assert!(code == Some(0) && text.contains("beyond the elevation model"), "{text}");
     let (code, text) = run("tall.asc");
     assert!(code == Some(4) && text.contains("dy"), "{text}");
+    // A grid is in the unit of the cloud, whatever that is.
+    let command = [
+        "train",
+        "a.laz",
+        "--weak",
+        "-o",
+        "u.model",
+        "--elevation-model",
+        "here.asc",
+        "--unit",
+        "3",
+        "--per-class",
+        "20",
+    ];
+    let output = PROGRAM.run(f, &command);
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && !text.contains("beyond the elevation model"), "{text}");
+}
+
+#[test]
+fn training_reports_its_trials_in_every_format() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    save(f, "a.laz", &street(20.0, 9));
+    let train = |rest: &[&str]| done(f, &[&["train", "a.laz", "-o", "o.model", "--overwrite"], rest].concat());
+    let csv = ["--format", "csv", "--block", "5"];
+    let small = ["--set", "forest.trees=3", "--set", "features.pyramid.first_scale=0.5"];
+    let told = train(&[&csv[..], &small[..], &["--grid-depth", "3,9"]].concat());
+    assert!(told.contains("\n\nmax_depth,code,precision,recall,f1_score,class\n3,2,"), "{told}");
+    let told = train(&[&csv[..], &small[..], &["--grid", "forest.max_depth=3,9", "--cross-validate", "3"]].concat());
+    assert!(told.contains("\n\nsettings,code,precision,recall,f1_score,class\nforest.max_depth=3,2,"), "{told}");
+    let weak = ["--weak", "--per-class", "20", "--grid-strength", "0.5,1"];
+    let told = train(&[&csv[..2], &weak[..]].concat());
+    assert!(told.contains("\n\nstrength,accuracy\n0.5,"), "{told}");
+}
+
+#[test]
+fn options_without_effect_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    save(f, "a.laz", &street(10.0, 9));
+    let train = ["train", "a.laz", "-o", "o.model"];
+    for (rest, said) in [
+        (&["--recipe", "weak", "--grid-depth", "3"][..], "does not try any"),
+        (&["--recipe", "objects", "--grid-strength", "3"], "does not try any"),
+        (&["--grid-strength", "3"], "does not try any"),
+        (&["--set", "features.metres_per_unit=1", "--unit", "0.3048"], "metres_per_unit = 1"),
+    ] {
+        let text = fails(f, &[&train[..], rest].concat(), 2);
+        assert!(text.contains(said), "{rest:?}: {text}");
+    }
+    for (method, option, able) in [
+        ("slic", ["--cutoff", "9"], "cut-pursuit, merge"),
+        ("felzenszwalb", ["--cutoff", "9"], "cut-pursuit, merge"),
+        ("vccs", ["--k-min", "20"], "cut-pursuit, merge, felzenszwalb"),
+    ] {
+        let text = fails(f, &[&["segment", "a.laz", "-o", "s.laz", "--method", method], &option[..]].concat(), 2);
+        assert!(text.contains(able) && !text.contains(&format!("one of {able},")), "{text}");
+    }
+    // Segments of every method are described by the neighbourhoods of their points.
+    done(f, &["suggest", "a.laz", "-o", "s.csv", "--method", "slic", "--k-min", "12", "-n", "3"]);
+    done(f, &["segment", "a.laz", "-o", "s.laz", "--method", "felzenszwalb", "--k-min", "12"]);
+}
+
+#[test]
+fn the_filter_finds_the_ground_as_it_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let mut cloud = street(20.0, 9);
+    let n = cloud.len();
+    cloud.set_column(Column::new(names::HEIGHT_ABOVE_GROUND, Values::F32(vec![50.0; n]))).unwrap();
+    save(f, "a.laz", &cloud);
+    let filter = |rest: &[&str]| {
+        done(f, &[&["filter", "a.laz", "-o", "o.laz", "--overwrite", "--height", "0..5"], rest].concat());
+        io::read(&f.join("o.laz")).unwrap().len()
+    };
+    assert_eq!(filter(&[]), 0);
+    assert!(filter(&["--ground-filter"]) > n / 4);
+    // Class 7 is noise in ASPRS codes, which `--scheme` says these are not. Below all else, it is no ground then.
+    let classes = Values::U8((0..n).map(|i| if i % 2 == 0 { 7 } else { 2 }).collect());
+    cloud.set_column(Column::new(names::CLASSIFICATION, classes)).unwrap();
+    save(f, "a.laz", &cloud);
+    let ground = ["--ground-classes", "7"];
+    let text =
+        fails(f, &[&["filter", "a.laz", "-o", "o.laz", "--overwrite", "--height", "0..5"], &ground[..]].concat(), 4);
+    assert!(text.contains("ground"), "{text}");
+    assert!(filter(&["--ground-classes", "7", "--scheme", "semantic3d"]) > 0);
+}
+
+#[test]
+fn points_without_a_prediction_are_called_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let mut cloud = street(10.0, 9);
+    let n = cloud.len();
+    let codes = |missing: f64| Values::F64((0..n).map(|i| if i == 0 { missing } else { (i % 2) as f64 }).collect());
+    cloud.set_column(Column::new("truth", codes(1.0))).unwrap();
+    cloud.set_column(Column::new("guess", codes(f64::NAN))).unwrap();
+    save(f, "a.ply", &cloud);
+    let told = done(f, &["evaluate", "a.ply", "--label-dimension", "truth", "--prediction-dimension", "guess"]);
+    assert!(told.contains("no prediction") && !told.contains("class 255"), "{told}");
+}
+
+#[test]
+fn what_a_model_writes_is_told_in_every_format() {
+    let folder = tempfile::tempdir().unwrap();
+    let told = done(folder.path(), &["model", "show", "--format", "json"]);
+    let told: serde_json::Value = serde_json::from_str(&told).unwrap();
+    let codes: Vec<u64> =
+        told["written_classes"].as_array().unwrap().iter().map(|class| class["code"].as_u64().unwrap()).collect();
+    assert!([2, 3, 4, 5, 6].iter().all(|code| codes.contains(code)), "{codes:?}");
 }

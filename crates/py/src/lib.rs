@@ -86,7 +86,7 @@ mod _core {
     #[pymodule_export]
     use crate::segmentation::{cut_pursuit, merge_regions, partition, segment_graph, segment_shapes};
     #[pymodule_export]
-    use crate::segments::{segment, segment_columns, suggest};
+    use crate::segments::{check_segment_options, segment, segment_columns, suggest};
     #[pymodule_export]
     use crate::terrain::{footprints, ground_points, height_above_ground, heights, road_points, road_position};
     #[pymodule_export]

@@ -44,6 +44,15 @@ pub(crate) fn segment_columns(recipe: &str, settings: Vec<String>) -> PyResult<V
     Ok(params(recipe, &settings, ("null", None))?.columns())
 }
 
+/// Refuses options that were given but have no effect with the method.
+#[pyfunction]
+pub(crate) fn check_segment_options(recipe: &str, settings: Vec<String>, cutoff: bool, k_min: bool) -> PyResult<()> {
+    let params = params(recipe, &settings, ("null", None))?;
+    let cutoff = if cutoff { params.check_cutoff() } else { Ok(()) };
+    let k_min = if k_min { params.check_neighbourhood() } else { Ok(()) };
+    cutoff.and(k_min).map_err(raise)
+}
+
 /// Divides a cloud into segments.
 #[pyfunction]
 #[pyo3(signature = (cloud, recipe, settings, aim, size = None, n_jobs = None))]

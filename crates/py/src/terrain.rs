@@ -190,10 +190,10 @@ pub(crate) fn footprints(
 /// Writes the outlines in the text of a GeoJSON file, in the format of the path's extension.
 #[pyfunction]
 pub(crate) fn write_footprints(py: Python<'_>, path: PathBuf, text: &str) -> PyResult<()> {
-    call(py, Some(1), |_| {
+    call(py, Some(1), |monitor| {
         io::check_outline_output(&path)?;
         let found = io::outlines_of(text)?;
-        io::write_outlines(&path, &found.outlines, &found.place)
+        io::write_outlines(&path, &found.outlines, &found.place, monitor)
     })
 }
 

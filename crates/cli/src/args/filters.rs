@@ -24,7 +24,7 @@ pub(crate) struct Filter {
     #[command(flatten)]
     pub(crate) noise: NoiseArgs,
     /// Keep only points whose height above ground is in this range, metres: of the dimension HeightAboveGround if the
-    /// file has it, else above the ground, found as in `scansion height`
+    /// file has it and no option says how to find the ground, else above the ground, found as in `scansion height`
     #[arg(long, value_name = "LOW..HIGH", allow_hyphen_values = true)]
     pub(crate) height: Option<HeightRange>,
     /// Keep only points in this box, in the unit of the file: 4 numbers (x and y) or 6, lowest first

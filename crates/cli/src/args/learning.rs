@@ -75,7 +75,7 @@ pub(crate) struct Train {
     /// Try these strengths of the random field on held-out labels, and keep the best (weak recipe)
     #[arg(long, value_name = "STRENGTHS", value_delimiter = ',')]
     pub(crate) grid_strength: Vec<f64>,
-    /// Ground heights to use instead of those of the road: an ESRI ASCII grid (weak recipe)
+    /// Ground heights to use instead of those of the road: an ESRI ASCII grid in the unit of the cloud (weak recipe)
     #[arg(long, value_name = "FILE")]
     pub(crate) elevation_model: Option<PathBuf>,
     /// Lines along the edges of an input, as GeoJSON or OBJ: points near them are learned as contours, whatever their labels;
@@ -129,7 +129,7 @@ pub(crate) struct Classify {
     /// Regularise the labels with this method [default: the model's own]
     #[arg(long, visible_alias = "regularise", value_parser = regularisations())]
     pub(crate) regularize: Option<Regularise>,
-    /// Ground heights to use instead of those of the road: an ESRI ASCII grid (weak recipe)
+    /// Ground heights to use instead of those of the road: an ESRI ASCII grid in the unit of the cloud (weak recipe)
     #[arg(long, value_name = "FILE")]
     pub(crate) elevation_model: Option<PathBuf>,
     /// Change one setting of the model's recipe, e.g. regularise.strength=2; may be repeated

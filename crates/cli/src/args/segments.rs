@@ -33,7 +33,8 @@ pub(crate) struct SegmentArgs {
     /// Merge segments of fewer points into their best neighbour (cut-pursuit, merge) [default: 0]
     #[arg(long, value_name = "POINTS")]
     pub(crate) cutoff: Option<f64>,
-    /// Smallest neighbourhood of a point (20 or more on scans that consist of lines) [default: 10]
+    /// Smallest neighbourhood of a point (cut-pursuit, merge, felzenszwalb; 20 or more on scans that consist of lines)
+    /// [default: 10]
     #[arg(long, value_name = "K")]
     pub(crate) k_min: Option<usize>,
     /// Settings of all methods as TOML, or the name of a method, e.g. riemannian, or riemannian-paper

@@ -30,6 +30,7 @@ pub(crate) fn run(args: &Contours, context: &Context<'_>) -> std::result::Result
     found.warnings.iter().for_each(|warning| context.printer.warning(warning));
     let drawing = found.drawing(&cloud);
     io::write_drawing(&args.output, &drawing, &context.monitor)?;
+    context.tell_no_place(&args.output, &cloud);
     if found.lines.is_empty() {
         context.printer.warning("no edges were found; finer ones need a smaller --voxel");
     }

@@ -145,7 +145,8 @@ impl Maps {
 fn predicted(args: &Evaluate, cloud: &Cloud, context: &Context<'_>) -> Result<Vec<Option<u8>>, Failure> {
     if args.model.is_some() {
         let model = sources::model(args.model.as_deref())?;
-        let result = recipes::classify(cloud, &model, &ClassifyParams::default(), &context.monitor)?;
+        let params = ClassifyParams { metres_per_unit: context.unit, ..ClassifyParams::default() };
+        let result = recipes::classify(cloud, &model, &params, &context.monitor)?;
         result.warnings.iter().for_each(|w| context.printer.warning(w));
         return Ok(result.codes.into_iter().map(Some).collect());
     }

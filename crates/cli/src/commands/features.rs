@@ -26,6 +26,7 @@ pub(crate) fn run(args: &Features, context: &Context<'_>) -> Result<(), Failure>
         return optimal(args, files, context);
     }
     let set = sources::recipe(&args.recipe)?.features;
+    sources::check_unit(set.metres_per_unit, context.unit)?;
     let asked = Wanted::Asked(&args.only);
     // Names contain the first scale; if the cloud determines it, they are not known yet.
     if let (Some(scale), false) = (set.pyramid.first_scale, table) {

@@ -6,6 +6,7 @@ use super::terrain::product_params;
 use crate::args::{Filter, Format, GroundArgs, NoiseArgs, OutlierMethod};
 use crate::exit_code::Failure;
 use scansion_core::filters::{Area, FilterParams, FilterReport, RadiusParams, StatisticalParams, filter_file};
+use scansion_core::terrain::{ProductParams, noise_classes};
 use scansion_core::{Error, Result};
 use std::fmt::Write;
 
@@ -54,12 +55,20 @@ fn params(args: &Filter, context: &Context<'_>) -> Result<FilterParams> {
         radius: has(args, OutlierMethod::Radius, radius.is_some() || min_neighbours.is_some())?.then_some(sparse),
         mark,
         height: args.height,
-        ground: product_params(&args.ground)?,
+        find_ground: finds_ground(&args.ground),
+        ground: ground(args, context)?,
         polygon: polygon(args)?,
         outside: args.outside,
         metres_per_unit: context.unit,
         ..FilterParams::default()
     })
+}
+
+/// How the ground is found; what is noise depends on the meaning of the classes that the user gives.
+fn ground(args: &Filter, context: &Context<'_>) -> Result<ProductParams> {
+    let own = product_params(&args.ground)?;
+    let noise = own.noise.clone().or_else(|| context.naming.scheme.map(|scheme| noise_classes(scheme).to_vec()));
+    Ok(ProductParams { noise, ..own })
 }
 
 /// Whether noise is searched for by this method; settings of a method that is not used are refused.

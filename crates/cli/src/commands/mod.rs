@@ -115,6 +115,14 @@ impl Context<'_> {
         }
     }
 
+    /// Says that files of this format have no reference system, if the cloud has one.
+    pub(crate) fn tell_no_place(&self, output: &Path, cloud: &Cloud) {
+        let extension = output.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        if cloud.crs.is_some() && ["asc", "dxf", "obj", "ply"].contains(&&extension[..]) {
+            self.printer.note(&format!("{}: .{extension} files have no reference system", output.display()));
+        }
+    }
+
     /// Warns about losses of a damaged file.
     pub(crate) fn losses(&self, input: &Path, losses: &Losses) {
         losses.notes.iter().for_each(|n| self.printer.warning(&format!("{}: {n}", input.display())));

@@ -84,6 +84,7 @@ fn json(model: &ModelFile, ranked: &[(&str, f64)]) -> Result<String, Failure> {
         "classifier": model.trained.classifier.kind(),
         "seed": model.fitted.seed(),
         "classes": model.trained.classes.classes(),
+        "written_classes": model.fitted.rules().given(&model.trained.classes).classes(),
         "samples": model.trained.fingerprint.class_counts,
         "density": model.trained.fingerprint.density,
         "regularisation": regularisation(model),

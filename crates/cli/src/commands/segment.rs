@@ -18,7 +18,10 @@ pub(crate) const CLUSTER: &str = "ClusterID";
 pub(crate) fn run(args: &Segment, context: &Context<'_>) -> Result<(), Failure> {
     io::check_cloud_output(&args.output)?;
     let names = (0..=args.levels.len()).map(|l| if l == 0 { CLUSTER.into() } else { format!("{CLUSTER}_L{l}") });
-    let own = settings(&args.segments)?.method.dimensions().iter().map(ToString::to_string);
+    let params = settings(&args.segments)?;
+    // `suggest` describes segments of every method by the neighbourhoods of their points.
+    args.segments.k_min.iter().try_for_each(|_| params.check_neighbourhood())?;
+    let own = params.method.dimensions().iter().map(ToString::to_string);
     let dimensions: Vec<Column> =
         names.chain(own).map(|name: String| Column::new(name, Values::U32(Vec::new()))).collect();
     io::check_dimensions(&args.input, &args.output, &dimensions)?;
@@ -81,7 +84,10 @@ fn settings(args: &SegmentArgs) -> Result<SegmentParams, Failure> {
         params.neighbourhood.k_min = k_min;
         params.neighbourhood.k_max = params.neighbourhood.k_max.max(k_min);
     }
-    params.partition.cutoff = args.cutoff.unwrap_or(params.partition.cutoff);
+    if let Some(cutoff) = args.cutoff {
+        params.check_cutoff()?;
+        params.partition.cutoff = cutoff;
+    }
     (params.partition.seed, params.riemannian.seed) =
         (args.seed.unwrap_or(params.partition.seed), args.seed.unwrap_or(params.riemannian.seed));
     params.clusters.seed = args.seed.unwrap_or(params.clusters.seed);

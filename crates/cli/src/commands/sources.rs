@@ -41,6 +41,16 @@ pub(crate) fn recipe(args: &RecipeArgs) -> Result<PyramidRecipe> {
     }
 }
 
+/// Fails if `--unit` differs from the unit that the recipe states, which clouds of a trained model would have too.
+pub(crate) fn check_unit(recipe: Option<f64>, given: Option<f64>) -> std::result::Result<(), Failure> {
+    match (recipe, given) {
+        (Some(recipe), Some(given)) if (recipe - given).abs() > f64::EPSILON * recipe => {
+            Err(Failure::Usage(format!("--unit {given}: the recipe says metres_per_unit = {recipe}; give one of them")))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// The text of a file.
 pub(crate) fn text(path: &Path) -> Result<String> {
     io::open::text(path, io::open::MOST_SETTINGS)

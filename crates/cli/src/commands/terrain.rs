@@ -38,18 +38,17 @@ pub(crate) fn run(args: &Terrain, context: &Context<'_>) -> std::result::Result<
     let mut made = rasters_of(&surveyed, args, context)?;
     for (product, raster) in &made.rasters {
         io::write_raster(&product.file, raster, &Georeference::of(&cloud), &context.monitor)?;
-        if cloud.crs.is_some() && product.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("asc")) {
-            context.printer.note(&format!("{}: .asc files have no reference system", product.file.display()));
-        }
+        context.tell_no_place(&product.file, &cloud);
     }
     if let Some((contours, lines)) = &made.contours {
         let lines = lines.iter().map(Isoline::drawn).collect();
         io::write_drawing(&contours.file, &Drawing { lines, place: Georeference::of(&cloud) }, &context.monitor)?;
+        context.tell_no_place(&contours.file, &cloud);
     }
     if let Some(path) = &args.footprints {
         let heights = heights_above_ground(&scene, &survey, &params, &context.monitor)?;
         let found = footprints(&scene, &heights, &footprint_params(args), &context.monitor)?;
-        made.outlines = Some(outlines(path, &found, &scene)?);
+        made.outlines = Some(outlines(path, &found, &scene, context)?);
     }
     context.printer.data(&match context.printer.format {
         Format::Json => serde_json::to_string_pretty(&made.report()).unwrap_or_default(),
@@ -143,10 +142,10 @@ fn rasters_of(surveyed: &Surveyed<'_>, args: &Terrain, context: &Context<'_>) ->
 }
 
 /// Writes the outlines of the buildings in the unit of the cloud.
-fn outlines(path: &Path, found: &[Footprint], scene: &MetricCloud<'_>) -> Result<Outlines> {
+fn outlines(path: &Path, found: &[Footprint], scene: &MetricCloud<'_>, context: &Context<'_>) -> Result<Outlines> {
     let area = found.iter().fold(0.0, |sum, building| sum + building.area);
     let outlines = terrain::outlines(found, scene.metres);
-    io::write_outlines(path, &outlines, &Georeference::of(scene.cloud))?;
+    io::write_outlines(path, &outlines, &Georeference::of(scene.cloud), &context.monitor)?;
     Ok(Outlines { product: "buildings", file: path.to_path_buf(), buildings: found.len(), area })
 }
 

@@ -22,6 +22,7 @@ pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
         return add_cars(args, &sources::model(Some(model))?, code, context);
     }
     let mut recipe = recipe(args)?;
+    sources::check_unit(recipe.metres_per_unit(), context.unit)?;
     let mut options = TrainOptions {
         folds: args.cross_validate.map(usize::from),
         block: args.block,
@@ -50,14 +51,18 @@ pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
     let searched = searched(args, &recipe, &mut clouds, &options, context)?;
     if let Some(SearchReport { best, tried, .. }) = &searched {
         recipe = recipe.with_settings(tried[*best].settings.iter().map(String::as_str))?;
-        options.folds = None;
+        // The folds have done their work, unless strengths are to be tried too.
+        options.folds = options.folds.filter(|_| !options.strengths.is_empty());
     }
     let (model, report) = recipe.train(&clouds, &options, &context.monitor)?;
     model.save(&args.output)?;
     report.warnings().iter().for_each(|w| context.printer.warning(w));
     context.printer.data(&match context.printer.format {
         Format::Json => json(&*report, searched.as_ref())?,
-        Format::Csv => class_csv(report.classes(), report.unit()),
+        Format::Csv => {
+            let further = searched.map(|search| search.csv()).into_iter().chain(report.csv());
+            further.fold(class_csv(report.classes(), report.unit()), |all, table| all + "\n" + &table)
+        }
         Format::Table => searched.map(|search| search.text()).unwrap_or_default() + &table(&*report, &args.output),
     })
 }

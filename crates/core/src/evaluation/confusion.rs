@@ -12,13 +12,18 @@ pub struct Confusion {
     skipped: u64,
     /// Codes of the classes that means run over; `None`: those of the truth.
     means: Option<Vec<u8>>,
+    /// Code of the points that the prediction leaves open, if it is not 0.
+    open: Option<u8>,
 }
+
+/// Name of the class of points that the prediction leaves open.
+const OPEN: &str = "no prediction";
 
 impl Confusion {
     /// An empty matrix over these classes.
     pub fn new(classes: ClassTable) -> Self {
         let n = classes.len();
-        Self { classes, counts: vec![0; n * n], skipped: 0, means: None }
+        Self { classes, counts: vec![0; n * n], skipped: 0, means: None, open: None }
     }
 
     /// Compares codes point by point. Points without a true label (`None`) are skipped and counted as such. The classes
@@ -42,7 +47,7 @@ impl Confusion {
         let codes: Vec<u8> = (0..=255).filter(occurs).collect();
         let counts = codes.iter().flat_map(|&t| codes.iter().map(move |&p| usize::from(t) * 256 + usize::from(p)));
         let counts = counts.map(|at| pairs[at]).collect();
-        Ok(Self { classes: ClassTable::from_codes(&codes), counts, skipped, means: None })
+        Ok(Self { classes: ClassTable::from_codes(&codes), counts, skipped, means: None, open: None })
     }
 
     /// Like [`Confusion::from_options`], with the codes that mean "no label" given.
@@ -68,18 +73,15 @@ impl Confusion {
             (free, _) => free.unwrap_or_default(),
         };
         let filled: Vec<u8> = predicted.iter().map(|p| p.unwrap_or(open)).collect();
-        let confusion = Self::from_options(truth, &filled)?;
-        Ok(match open {
-            0 => confusion,
-            open => confusion.called(|class| if class.code == open { "no prediction".into() } else { class.name }),
-        })
+        let open = Some(open).filter(|&open| open != 0);
+        Ok(Self { open, ..Self::from_options(truth, &filled)? }.called(|class| class.name))
     }
 
     /// The same matrix with the class names of a code scheme, and names of their own.
     #[must_use]
     pub fn named(self, scheme: CodeScheme, own: &ClassNames) -> Self {
         let codes = self.classes.codes();
-        Self { classes: ClassTable::named(&codes, scheme, own), ..self }
+        Self { classes: ClassTable::named(&codes, scheme, own), ..self }.called(|class| class.name)
     }
 
     /// The same matrix, whose means run over these classes instead of those that occur in the truth.
@@ -97,9 +99,10 @@ impl Confusion {
         }
     }
 
-    /// The same matrix with other class names.
+    /// The same matrix with other class names, except that of points which the prediction leaves open.
     #[must_use]
     pub fn called(self, name: impl Fn(Class) -> String) -> Self {
+        let name = |class: Class| if Some(class.code) == self.open { OPEN.into() } else { name(class) };
         let called = self.classes.classes().iter().map(|c| Class { name: name(c.clone()), ..c.clone() });
         let table = ClassTable::new(called.collect());
         Self { classes: table.unwrap_or(self.classes), ..self }

@@ -15,10 +15,10 @@ pub(super) struct Heights {
 }
 
 impl Heights {
-    /// The dimension `HeightAboveGround` of the cloud if it has one, else heights above the ground of all points that are
-    /// not noise.
+    /// The dimension `HeightAboveGround` of the cloud if it has one and the ground is not to be found anew, else heights
+    /// above the ground of all points that are not noise.
     pub(super) fn of(cloud: &Cloud, noise: &[bool], params: &FilterParams, monitor: &Monitor) -> Result<Self> {
-        if let Some(column) = cloud.column(names::HEIGHT_ABOVE_GROUND) {
+        if let Some(column) = cloud.column(names::HEIGHT_ABOVE_GROUND).filter(|_| !params.find_ground) {
             let metres = cloud.metres(params.metres_per_unit)?;
             let heights = (0..cloud.len()).map(|i| (column.values.get(i) * metres) as f32).collect();
             return Ok(Self { metres: heights, note: format!("heights: of the dimension {}", column.name) });

@@ -28,8 +28,10 @@ pub struct FilterParams {
     pub mark: bool,
     /// Keep only points with such a height above ground.
     pub height: Option<HeightRange>,
-    /// How the ground is found, if heights are asked for and the cloud has none.
+    /// How the ground is found for heights.
     pub ground: ProductParams,
+    /// Find the ground even if the cloud has heights, the dimension `HeightAboveGround`.
+    pub find_ground: bool,
     /// Keep only points in this box, in the unit of the file.
     #[serde(skip)]
     pub bounds: Option<Bounds>,
@@ -57,6 +59,9 @@ impl FilterParams {
         }
         if self.outside && self.polygon.is_none() {
             return Err(Error::parameter("outside", true, "only together with a polygon"));
+        }
+        if self.find_ground && self.height.is_none() {
+            return Err(Error::parameter("find_ground", true, "only together with heights"));
         }
         self.height.map_or(Ok(()), |range| range.validate())?;
         self.ground.validate()?;

@@ -107,6 +107,14 @@ impl ElevationModel {
         Ok(Self { raster: fill_holes(raster, monitor)? })
     }
 
+    /// The same model in metres, if its numbers are in a unit of that many metres.
+    ///
+    /// # Errors
+    /// If a result is not finite.
+    pub fn in_metres(&self, metres: f64) -> Result<Self> {
+        Ok(Self { raster: self.raster.clone().in_unit(metres.recip())? })
+    }
+
     /// The raster.
     pub fn raster(&self) -> &Raster {
         &self.raster

@@ -86,18 +86,16 @@ def spread_labels(labels: ArrayLike, segments: ArrayLike) -> NDArray[np.int16]:
     >>> scansion.spread_labels([6, -1, -1, 2], [1, 1, 2, 3]).tolist()
     [6, 6, -1, 2]
     """
-    numbers = _arrays.column(segments, "segments")
-    numbers = _arrays.segments(np.where(numbers == -1, 0, numbers), "segments")
-    return _core.spread_labels(signed(labels, "labels"), numbers)
+    return _core.spread_labels(signed(labels, "labels"), _numbers(segments))
 
 
 def segment_colours(segments: ArrayLike) -> NDArray[np.uint8]:
-    """A colour for each segment number, in which segments with neighbouring numbers differ; 0 is grey.
+    """A colour for each segment number, in which segments with neighbouring numbers differ; no segment (0 or -1) is grey.
 
     Parameters
     ----------
     segments : array_like of shape (n,)
-        Numbers of segments, 0..4294967295.
+        Numbers of segments, -1..4294967295.
 
     Returns
     -------
@@ -110,4 +108,10 @@ def segment_colours(segments: ArrayLike) -> NDArray[np.uint8]:
     >>> scansion.segment_colours([0, 1, 1]).tolist()[0]
     [190, 190, 190]
     """
-    return _core.segment_colours(_arrays.segments(segments, "segments"))
+    return _core.segment_colours(_numbers(segments))
+
+
+def _numbers(segments: ArrayLike) -> NDArray[np.uint32]:
+    """Numbers of segments, 0 for none."""
+    numbers = _arrays.segments(segments, "segments")
+    return _arrays.native(np.where(numbers == -1, 0, numbers), np.uint32)

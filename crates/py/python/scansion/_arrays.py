@@ -14,10 +14,38 @@ NUMBERS = "fiub"
 
 _COLUMN_TYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
 
+_MOST_SEGMENTS = 0xFFFFFFFF
+"""The largest number of a segment."""
+
 
 def native(array: NDArray[Any], dtype: Any) -> NDArray[Any]:
     """The array in this type, C-ordered and aligned; not copied if it has this form already."""
     return np.require(array, dtype, ["C_CONTIGUOUS", "ALIGNED"])
+
+
+def unmasked(values: Any, name: str, dtype: Any = None) -> NDArray[Any]:
+    """``values`` as an array. Masked values are refused: numpy would take what lies behind the mask.
+
+    >>> unmasked(np.ma.array([2, 6], mask=[False, True]), "labels")
+    Traceback (most recent call last):
+    ValueError: labels: found 1 masked values, expected none: .filled(value) gives them one, .compressed() leaves them out
+    """
+    count = _masked(values)
+    if count:
+        without = "numpy.ma.compress_rows" if getattr(values, "ndim", 1) == 2 else ".compressed()"
+        advice = f".filled(value) gives them one, {without} leaves them out"
+        raise ValueError(f"{name}: found {count} masked values, expected none: {advice}")
+    return np.asarray(values, dtype)
+
+
+def _masked(values: Any) -> int:
+    """Number of masked values in an array, or in a list of arrays."""
+    if isinstance(values, (list, tuple)):
+        return sum(_masked(part) for part in values if isinstance(part, np.ma.MaskedArray))
+    if not isinstance(values, np.ma.MaskedArray):
+        return 0
+    # The mask of a structured array has its fields.
+    return int(np.count_nonzero(np.ascontiguousarray(np.ma.getmask(values)).view(np.bool_)))
 
 
 def as_array(array: NDArray[Any], dtype: Any, copy: bool | None) -> NDArray[Any]:
@@ -27,7 +55,7 @@ def as_array(array: NDArray[Any], dtype: Any, copy: bool | None) -> NDArray[Any]
 
 def coordinates(points: Any) -> NDArray[np.float64]:
     """``points`` as an ``(n, 3)`` array of float64, not copied if it is one already."""
-    array = np.asarray(points)
+    array = unmasked(points, "coordinates")
     if array.dtype.kind not in NUMBERS:
         raise TypeError(f"coordinates: expected an (n, 3) array of numbers, found dtype {array.dtype}")
     if array.size == 0 and array.ndim < 2:
@@ -39,7 +67,7 @@ def coordinates(points: Any) -> NDArray[np.float64]:
 
 def column(values: Any, name: str, length: int | None = None) -> NDArray[Any]:
     """``values`` as one number a point, in a type that the core supports."""
-    array = np.asarray(values)
+    array = unmasked(values, name)
     if array.dtype.kind not in NUMBERS:
         raise TypeError(f"{name}: expected a one-dimensional array of numbers, found dtype {array.dtype}")
     if array.ndim != 1 or (length is not None and len(array) != length):
@@ -85,24 +113,37 @@ def codes(values: Any, name: str, length: int | None = None) -> NDArray[np.uint8
     return array.astype(np.uint8)
 
 
-def segments(values: Any, name: str, length: int | None = None) -> NDArray[np.uint32]:
-    """``values`` as numbers of segments 0..4294967295, one a point."""
+def segments(values: Any, name: str, length: int | None = None) -> NDArray[Any]:
+    """``values`` as numbers of segments 0..4294967295, one a point; -1 for points of none."""
     array = column(values, name, length)
-    check_whole(array, name, 0xFFFFFFFF)
-    return native(array, np.uint32)
+    check_whole(array, name, _MOST_SEGMENTS, -1)
+    return array
 
 
-def check_whole(array: NDArray[Any], name: str, high: int) -> None:
-    """Refuses numbers that are not whole, negative, above ``high`` or NaN."""
-    wrong = (array < 0) | (array > high)
+def in_segments(
+    values: Any, name: str, length: int | None = None
+) -> tuple[NDArray[np.uint32], NDArray[np.bool_] | None]:
+    """Segments of the points that are in one, and whether each point is (None: all are).
+
+    >>> in_segments([7, -1, 3], "labels")
+    (array([7, 3], dtype=uint32), array([ True, False,  True]))
+    """
+    array = segments(values, name, length)
+    kept = array != -1
+    return (native(array, np.uint32), None) if kept.all() else (native(array[kept], np.uint32), kept)
+
+
+def check_whole(array: NDArray[Any], name: str, high: int, low: int = 0) -> None:
+    """Refuses numbers that are not whole, below ``low``, above ``high`` or NaN."""
+    wrong = (array < low) | (array > high)
     if array.dtype.kind == "f":
         wrong |= array != np.floor(array)
-    refuse(wrong, array, f"{name}: expected whole numbers in 0..{high}")
+    refuse(wrong, array, f"{name}: expected whole numbers in {low}..{high}")
 
 
 def whole_numbers(values: Any, name: str) -> NDArray[np.int64]:
     """``values`` as whole numbers of either sign, in an array of any shape."""
-    array = np.asarray(values)
+    array = unmasked(values, name)
     if array.dtype.kind == "f":
         refuse((array != np.floor(array)) | ~(np.abs(array) < 2.0**63), array, f"{name}: expected whole numbers")
     return native(array, np.int64)
@@ -123,7 +164,7 @@ def refuse(wrong: NDArray[np.bool_], array: NDArray[Any], message: str) -> None:
 
 def mask(values: Any, name: str, length: int | None = None) -> NDArray[np.bool_]:
     """``values`` as one truth value a point."""
-    array = np.asarray(values)
+    array = unmasked(values, name)
     if array.dtype != np.bool_ and array.size:
         raise TypeError(f"{name}: expected an array of bool, found dtype {array.dtype}")
     if array.ndim != 1 or (length is not None and len(array) != length):

@@ -520,7 +520,7 @@ def _labelled(cloud: Any, labels: Any, reading: Reading) -> PointCloud:
         if reading.listed and not reading.text:
             _warn_of_unlabelled(points, labels, reading.class_map)
         points = points.copy()
-        points._put(LABELS, labels)
+        points._put(LABELS, column(labels, "labels", len(points)))
         points.scheme = "own" if reading.text else points.scheme
     if LABELS in points:
         signed(points[LABELS], "labels", None, (), reading.class_map)  # Its errors are in words of Python.

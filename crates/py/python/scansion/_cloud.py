@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import as_array, column, coordinates, filled, mask, native
+from scansion._arrays import as_array, column, coordinates, filled, mask, native, unmasked
 from scansion._cloud_table import ATTRS, about, as_html, as_text, rows, take_about
 from scansion._laspy import from_laspy, to_laspy
 from scansion._names import axis, meant, missing, our_names
@@ -201,7 +201,7 @@ class PointCloud:
             key = key[0]  # As scikit-learn indexes what has a shape.
         if isinstance(key, slice):
             return self.select(np.arange(len(self))[key])
-        points = np.atleast_1d(np.asarray(key))
+        points = np.atleast_1d(unmasked(key, "points"))
         if points.size and (points.ndim != 1 or points.dtype.kind not in "biu"):
             raise TypeError(f"expected the name of a column, bools, indices or a slice, found {key!r}")
         # Negative indices count from the end, as in numpy.
@@ -228,7 +228,8 @@ class PointCloud:
         called = meant(name, self.columns)
         if axis(name) is not None and called not in self.columns:
             raise ValueError(f"{name}: coordinates cannot be written; PointCloud(xyz) makes a cloud of other ones")
-        if np.ndim(values) == 0:
+        values = unmasked(values, called)
+        if values.ndim == 0:
             values = filled(values, self._native.column(called), len(self))
         self._put(called, values)
 
@@ -296,7 +297,7 @@ class PointCloud:
         >>> cloud.select([1, 0])["Classification"].tolist()
         [6, 2]
         """
-        array = np.asarray(points)
+        array = unmasked(points, "points")
         if array.dtype == np.bool_:
             array = np.flatnonzero(mask(array, "points", len(self)))
         array = column(array, "points")
@@ -379,7 +380,7 @@ def as_cloud(points: Any, *, columns: list[str] | None = None) -> PointCloud:
         return PointCloud(points)
     for axes in ("XYZ", "xyz"):
         if all(axis in fields for axis in axes):
-            cloud = PointCloud(np.column_stack([np.asarray(points[axis], dtype=np.float64) for axis in axes]))
+            cloud = PointCloud(np.column_stack([unmasked(points[axis], axis, np.float64) for axis in axes]))
             ours = our_names(str(name) for name in fields)
             for name in fields:
                 if name not in axes:

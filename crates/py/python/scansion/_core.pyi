@@ -26,6 +26,7 @@ __all__ = [
     "automatic_parameters",
     "baseline",
     "boundary_scores",
+    "check_segment_options",
     "cluster_levels",
     "cluster_table",
     "confusion_matrix",
@@ -273,6 +274,7 @@ def segment(
     size: float | None = None,
     n_jobs: int | None = None,
 ) -> tuple[NDArray[np.uint32], list[NDArray[np.uint32]], str]: ...
+def check_segment_options(recipe: str, settings: list[str], cutoff: bool, k_min: bool) -> None: ...
 def segment_columns(recipe: str, settings: list[str]) -> list[str]: ...
 def picked_labels(
     cloud: Cloud, files: list[str], within: float, unit: float | None = None, n_jobs: int | None = None

@@ -12,17 +12,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from scansion import _core
-from scansion._arrays import codes, column, mask
+from scansion._arrays import codes, column, mask, unmasked
 from scansion._cloud import PointCloud, as_cloud
 from scansion._losses import losses
-from scansion._names import asked, axis, meant
+from scansion._names import asked, axis, meant, unknown
 
 
 def _box(bounds: ArrayLike | None) -> Any:
     """A box in the form that the core expects: lowest and highest corner."""
     if bounds is None:
         return None
-    box = np.asarray(bounds, dtype=np.float64)
+    box = unmasked(bounds, "bounds", np.float64)
     if box.shape == (2, 2):
         box = np.column_stack([box, [-np.inf, np.inf]])
     if box.shape != (2, 3):
@@ -65,9 +65,21 @@ def read(
         The file cannot be read.
     FileFormatError
         The file is malformed (the message gives the position) or its format is not supported.
+    ValueError
+        The file does not have one of the columns.
     """
     name = os.fspath(path)
-    return PointCloud._wrap(_core.read(name, (asked(columns), _box(bounds), resolution, text_columns or [])), name)
+    found = _core.read(name, (asked(columns), _box(bounds), resolution, text_columns or []))
+    return _checked(PointCloud._wrap(found, name), columns, name, text_columns)
+
+
+def _checked(cloud: PointCloud, columns: list[str] | None, path: str, text_columns: list[str] | None) -> PointCloud:
+    """The cloud, if it has all columns that were asked for."""
+    absent = [name for name in columns or [] if name not in cloud and axis(name) is None]
+    if absent:
+        own = text_columns or info(path)["dimensions"]
+        raise unknown(absent, [name for name in own if axis(name) is None])
+    return cloud
 
 
 def blocks(
@@ -99,15 +111,16 @@ def blocks(
     """
     if size < 1:
         raise ValueError(f"size: found {size}, expected 1 or more points a block")
-    part = (asked(columns), _box(bounds), resolution, text_columns or [])
-    return map(PointCloud._wrap, _core.Blocks(os.fspath(path), size, part))
+    name = os.fspath(path)
+    found = _core.Blocks(name, size, (asked(columns), _box(bounds), resolution, text_columns or []))
+    return (_checked(PointCloud._wrap(block), columns, name, text_columns) for block in found)
 
 
 def _steps(scale: float | Sequence[float] | None) -> Any:
     """One scale per axis."""
     if scale is None:
         return None
-    steps = np.asarray(scale, dtype=np.float64)
+    steps = unmasked(scale, "scale", np.float64)
     if steps.shape not in ((), (3,)):
         raise ValueError(f"scale: found shape {steps.shape}, expected a number or three")
     return tuple(np.broadcast_to(steps, 3).tolist())

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scansion._arrays import NUMBERS, native
+from scansion._arrays import NUMBERS, native, unmasked
 
 
 def as_edges(edges: Any) -> NDArray[np.uint32]:
     """``edges`` as ``(m, 2)`` of uint32."""
-    array = np.asarray(edges)
+    array = unmasked(edges, "edges")
     if array.size == 0:
         array = array.astype(np.uint32).reshape(0, 2)
     if array.ndim != 2 or array.shape[1] != 2:
@@ -28,7 +28,7 @@ def as_weights(weights: Any, length: int, name: str = "weights") -> NDArray[np.f
     """``weights`` as ``(length,)`` of float32; a single number stands for all."""
     if weights is None:
         return None
-    array = np.asarray(weights)
+    array = unmasked(weights, name)
     if array.dtype.kind not in NUMBERS:
         raise TypeError(f"{name}: expected numbers, found dtype {array.dtype}")
     if array.ndim == 0:
@@ -40,12 +40,27 @@ def as_weights(weights: Any, length: int, name: str = "weights") -> NDArray[np.f
 
 def as_rows(values: Any, name: str) -> NDArray[np.float32]:
     """``values`` as ``(n, width)`` of float32."""
-    array = np.asarray(values)
+    array = unmasked(values, name)
     if array.dtype.kind not in NUMBERS:
         raise TypeError(f"{name}: expected numbers, found dtype {array.dtype}")
     if array.ndim != 2 or array.shape[1] == 0:
         raise ValueError(f"{name}: expected shape (n, width) with a width of 1 or more, found {array.shape}")
     return native(array, np.float32)
+
+
+def edges_between(
+    pairs: NDArray[np.uint32], weights: NDArray[np.float32] | None, kept: NDArray[np.bool_]
+) -> tuple[NDArray[np.uint32], NDArray[np.float32] | None]:
+    """The edges whose ends are both kept, and their weights; the kept nodes are numbered anew.
+
+    >>> edges_between(np.array([[0, 1], [1, 2], [0, 2]], np.uint32), None, np.array([True, False, True]))
+    (array([[0, 1]], dtype=uint32), None)
+    """
+    for a, b in pairs[(pairs >= len(kept)).any(axis=1)][:1]:
+        raise ValueError(f"edge {a}-{b} does not join two of the {len(kept)} nodes")
+    inside = kept[pairs].all(axis=1)
+    number = np.cumsum(kept, dtype=np.uint32) - np.uint32(1)
+    return number[pairs[inside]], None if weights is None else weights[inside]
 
 
 Valued = tuple[

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from scansion._arrays import codes
+from scansion._arrays import codes, unmasked
 from scansion._cloud import PointCloud, as_cloud
 
 
@@ -49,7 +49,7 @@ def choice(ground: Any) -> Any:
 
 def code_list(classes: Any, name: str) -> list[int]:
     """Class codes as a list; one that stands twice is refused, as codes or marks of all points would be."""
-    array = np.atleast_1d(np.asarray(classes))
+    array = np.atleast_1d(unmasked(classes, name))
     found, counts = np.unique(codes(array, name), return_counts=True)
     if (counts > 1).any():
         marks = name == "ground" and array.dtype != np.bool_
@@ -69,7 +69,7 @@ def marked(xyz: Any, ground: Any) -> tuple[PointCloud, Any]:
     cloud = as_cloud(xyz, columns=["Classification"])
     if not is_marks(ground):
         return cloud, ground
-    mask = np.asarray(ground)
+    mask = unmasked(ground, "ground")
     if mask.shape != (len(cloud),):
         raise ValueError(f"ground: expected shape ({len(cloud)},), found {mask.shape}")
     old = cloud["Classification"] if "Classification" in cloud else np.zeros(len(cloud))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import native, to_json
+from scansion._arrays import native, to_json, unmasked
 from scansion._surfaces import Raster
 
 
@@ -90,7 +90,7 @@ def contours(
     >>> found.heights[found.closed].tolist(), found.lines[-1].shape[1]
     ([5.0, 7.5], 2)
     """
-    values = native(np.asarray(raster.values), np.float64)
+    values = native(unmasked(raster.values, "raster"), np.float64)
     if values.ndim != 2:
         raise ValueError(f"raster: expected two dimensions, found shape {values.shape}")
     corner = (float(raster.corner[0]), float(raster.corner[1]))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import codes, column
+from scansion._arrays import codes, column, unmasked
 
 MOST = 256
 """Number of possible codes, and so of classes."""
@@ -32,7 +32,7 @@ def check_kind(values: Any, classes: NDArray[Any], name: str) -> None:
 
 def texts(values: Any, name: str, length: int | None = None) -> NDArray[np.object_]:
     """Labels as text, one a point; None for missing ones (None or NaN)."""
-    array = np.asarray(values)
+    array = unmasked(values, name)
     if array.ndim != 1 or (length is not None and len(array) != length):
         expected = "(n,)" if length is None else f"({length},)"
         raise ValueError(f"{name}: expected shape {expected}, found {array.shape}")

@@ -77,6 +77,16 @@ def axis(name: str) -> int | None:
 
 def missing(name: str, columns: list[str]) -> KeyError:
     """The error for a column that is absent, with a name that is like it."""
+    return KeyError(f"no column {name!r}{_hint(name, columns)}; the cloud has: {', '.join(columns) or 'none'}")
+
+
+def unknown(names: list[str], columns: list[str]) -> ValueError:
+    """The error for names of columns that a file does not have."""
+    found = ", ".join(f"{name!r}{_hint(name, columns)}" for name in names)
+    return ValueError(f"columns: found {found}, expected columns of the file: {', '.join(columns) or 'it has none'}")
+
+
+def _hint(name: str, columns: list[str]) -> str:
+    """The column whose name is like this one, as a question."""
     near = get_close_matches(_folded(name), [_folded(column) for column in columns], 1)
-    hint = next((f" (did you mean {column!r}?)" for column in columns if _folded(column) in near), "")
-    return KeyError(f"no column {name!r}{hint}; the cloud has: {', '.join(columns) or 'none'}")
+    return next((f" (did you mean {column!r}?)" for column in columns if _folded(column) in near), "")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import choice, to_json
+from scansion._arrays import choice, to_json, unmasked
 from scansion._cloud import as_cloud
 from scansion._labels import signed
 from scansion._settings import whole
@@ -108,7 +108,7 @@ def render(
 
 
 def _line(line: ArrayLike) -> list[list[float]]:
-    vertices = np.asarray(line, float)
+    vertices = unmasked(line, "contours", float)
     if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.isfinite(vertices).all():
         raise ValueError(f"contours: found a line of shape {vertices.shape}, expected (m, 3) with finite numbers")
     return [[float(value) for value in vertex] for vertex in vertices]

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import choice, segments
+from scansion._arrays import choice, in_segments
 from scansion._cloud import as_cloud
-from scansion._graph import as_edges, as_weights
+from scansion._graph import as_edges, as_weights, edges_between
 
 
 class SegmentShapes(NamedTuple):
@@ -40,7 +40,7 @@ def segment_shapes(xyz: Any, labels: ArrayLike) -> SegmentShapes:
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         The cloud; all coordinates finite.
     labels : array_like of shape (n,)
-        Segment of each point, 0..4294967295.
+        Segment of each point, 0..4294967295; points of -1 are in none and left out.
 
     Returns
     -------
@@ -57,7 +57,8 @@ def segment_shapes(xyz: Any, labels: ArrayLike) -> SegmentShapes:
     ([15, 15], [52.0, 51.0, 50.0], [4.0, 2.0, 0.0])
     """
     cloud = as_cloud(xyz, columns=[])
-    of = segments(labels, "labels", len(cloud))
+    of, kept = in_segments(labels, "labels", len(cloud))
+    cloud = cloud if kept is None else cloud[kept]
     points, rows = _core.segment_shapes(cloud._core, of)
     centroid, low, high, centre, sides = (rows[:, first : first + 3] for first in range(0, 15, 3))
     return SegmentShapes(points, centroid, low, high, centre, sides, rows[:, 15:].reshape(-1, 3, 3))
@@ -73,7 +74,7 @@ def segment_graph(
     edges : array_like of shape (m, 2)
         Pairs of points.
     labels : array_like of shape (n,)
-        Segment of each point, 0..4294967295.
+        Segment of each point, 0..4294967295; points of -1 are in none and left out.
     weights : array_like of shape (m,), optional
         Weights of the edges; 1 by default.
     interface : {"count", "weight"}
@@ -93,5 +94,8 @@ def segment_graph(
     ([[0, 1]], [2.0])
     """
     choice(interface, "interface", ("count", "weight"))
-    pairs, of = as_edges(edges), segments(labels, "labels")
-    return _core.segment_graph(pairs, of, as_weights(weights, len(pairs)), interface == "weight")
+    pairs, (of, kept) = as_edges(edges), in_segments(labels, "labels")
+    each = as_weights(weights, len(pairs))
+    if kept is not None:
+        pairs, each = edges_between(pairs, each, kept)
+    return _core.segment_graph(pairs, of, each, interface == "weight")

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import column, finite, native, to_json
+from scansion._arrays import column, finite, native, refuse, to_json
 from scansion._classifier import PointClassifier
 from scansion._cloud import measured
 from scansion._labels import signed
 from scansion._progress import Progress, following
 from scansion._settings import recipe as read_recipe
+from scansion._settings import seed, whole
 
 _LABELS = "Classification"
 
@@ -62,7 +63,8 @@ def segment(
 ) -> Segments:
     """Divides a cloud into segments.
 
-    Give at most one of ``strength``, ``segments_per_hectare``, ``smallest_object`` and ``oracle_loss``.
+    Give at most one of ``strength``, ``segments_per_hectare``, ``smallest_object`` and ``oracle_loss``. An option that the
+    method does not use is an error.
 
     Parameters
     ----------
@@ -92,9 +94,9 @@ def segment(
     cutoff : float, optional
         Segments of fewer points are merged into their best neighbour ("cut-pursuit", "merge").
     k_min : int, optional
-        Smallest neighbourhood of a point; 20 or more on scans that consist of lines.
+        Smallest neighbourhood of a point ("cut-pursuit", "merge", "felzenszwalb"); 20 or more on scans that consist of lines.
     random_state : int, optional
-        Seed.
+        Seed; methods without random draws take it too.
     metres_per_unit : float, optional
         Metres per unit of the coordinates; None uses the cloud's own unit, else 1. Degrees are an error.
     n_jobs : int, optional
@@ -118,8 +120,9 @@ def segment(
     True
     """
     text, settings = _settings(recipe, method, cutoff, k_min, random_state)
-    settings += [f"levels={[int(level) for level in levels]}"] if len(levels) else []
+    settings += [f"levels={[whole(level, 'levels', 0) for level in levels]}"] if len(levels) else []
     aim = _aim(strength, segments_per_hectare, smallest_object, oracle_loss)
+    _core.check_segment_options(text, settings, cutoff is not None, k_min is not None)
     points = measured(cloud, [_LABELS, *_core.segment_columns(text, settings)], metres_per_unit)
     with following(progress):
         clusters, found, report = _core.segment(points._core, text, settings, aim, size, n_jobs)
@@ -163,13 +166,13 @@ def suggest(
         Labels of earlier rounds, codes 0..255 (negative, and 0 and 1 of a cloud from LAS: unlabelled): segments that contain
         one are left out.
     labelled : bool
-        The same for the labels in the column Classification (codes of 2 or more in LAS).
+        The same for the labels in the column Classification (codes of 2 or more in LAS); those above 255 are an error.
     page : path, optional
         Write an HTML page for labelling the segments: pictures of each, keys for the classes, a button that saves the table.
     offer : mapping of int to str, or sequence of int, optional
         The classes that the page offers, codes with or without names; by default the model's, else well-known ones.
     method, strength, segments_per_hectare, smallest_object, size, recipe, k_min, random_state, metres_per_unit, n_jobs
-        As in :func:`segment`.
+        As in :func:`segment`. Neighbourhoods of ``k_min`` also describe the segments, whatever the method.
 
     Returns
     -------
@@ -200,7 +203,9 @@ def suggest(
     if labels is not None:
         points = points.copy()
         points._put(_LABELS, signed(labels, "labels", len(points)))
-    wishes = to_json({"count": count})
+    elif labelled and _LABELS in points:
+        _check_codes(points[_LABELS])
+    wishes = to_json({"count": whole(count, "count")})
     doubt: Any = None
     if model is not None:
         model = PointClassifier.load(model) if isinstance(model, (str, os.PathLike)) else model
@@ -219,8 +224,15 @@ def suggest(
 def _offered(offer: Mapping[int, str] | Sequence[int] | None) -> str:
     """Codes and names in the form that the core reads."""
     if isinstance(offer, Mapping):
-        return ",".join(f"{code}={name.replace(',', ' ')}" for code, name in offer.items())
-    return ",".join(str(code) for code in offer or ())
+        return ",".join(f"{whole(code, 'offer', 0)}={name.replace(',', ' ')}" for code, name in offer.items())
+    return ",".join(str(whole(code, "offer", 0)) for code in (() if offer is None else offer))
+
+
+def _check_codes(values: NDArray[Any]) -> None:
+    """Refuses a column of labels with other numbers than codes; negative ones and NaN are unlabelled."""
+    with np.errstate(invalid="ignore"):
+        wrong = (values >= 0) & ((values > 255) | (values != np.floor(values)))
+    refuse(wrong, values, f"{_LABELS}: expected codes 0..255 (others can be changed to such and be given as labels)")
 
 
 def _settings(
@@ -232,10 +244,11 @@ def _settings(
     if cutoff is not None:
         settings.append(f"partition.cutoff={float(cutoff)}")
     if k_min is not None:
-        settings.append(f"neighbourhood.k_min={int(k_min)}")
-        settings += [f"neighbourhood.k_max={int(k_min)}"] if k_min > 100 else []
+        settings.append(f"neighbourhood.k_min={whole(k_min, 'k_min', 2)}")
+        settings += [f"neighbourhood.k_max={k_min}"] if k_min > 100 else []
     if random_state is not None:
-        settings += [f"partition.seed={int(random_state)}", f"riemannian.seed={int(random_state)}"]
+        number = seed(random_state)
+        settings += [f"{part}.seed={number}" for part in ("partition", "riemannian", "clusters")]
     return text, settings
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
+from scansion._arrays import unmasked
 from scansion._cloud import as_cloud
 
 
@@ -63,7 +64,7 @@ class SpatialKFold:
             Points; of more than three columns the first three are the coordinates.
         """
         if getattr(X, "ndim", 0) == 2 and X.shape[1] > 3:
-            X = np.asarray(X)[:, :3]
+            X = unmasked(X, "X")[:, :3]
         return _core.spatial_folds(as_cloud(X, columns=[])._core, self.n_splits, self.block, self.metres_per_unit)
 
     def split(

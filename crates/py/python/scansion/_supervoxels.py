@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import choice, column, native, refuse, segments, to_json
+from scansion._arrays import choice, column, in_segments, native, refuse, to_json
 from scansion._cloud import as_cloud
 from scansion._graph import as_rows
 
@@ -50,7 +50,7 @@ def supervoxels(
     Returns
     -------
     labels : array of shape (n,), int64
-        Supervoxel of each point; -1 for none.
+        Supervoxel of each point; -1 for none: `segment_shapes` and the other functions of segments leave such points out.
 
     Examples
     --------
@@ -85,7 +85,7 @@ def object_features(
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         The cloud; all coordinates finite.
     labels : array_like of shape (n,)
-        Segment of each point, 0..4294967295.
+        Segment of each point, 0..4294967295; points of -1 are in none and left out.
     colours : array_like of shape (n, 3), optional
         Red, green and blue, 0..1.
     heights : array_like of shape (n,), optional
@@ -107,9 +107,13 @@ def object_features(
     ((2, 9), 1.0)
     """
     cloud = as_cloud(xyz, columns=[])
-    of = segments(labels, "labels", len(cloud))
+    of, kept = in_segments(labels, "labels", len(cloud))
+    rgb = _colours(colours, len(cloud))
     above = None if heights is None else native(column(heights, "heights", len(cloud)), np.float32)
-    return _core.object_features(cloud._core, of, _colours(colours, len(cloud)), above, n_jobs)
+    if kept is not None:
+        cloud = cloud[kept]
+        rgb, above = (None if values is None else values[kept] for values in (rgb, above))
+    return _core.object_features(cloud._core, of, rgb, above, n_jobs)
 
 
 def _colours(values: Any, length: int) -> NDArray[np.float32] | None:

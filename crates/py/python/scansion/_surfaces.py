@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import as_array, native, to_json
+from scansion._arrays import as_array, native, to_json, unmasked
 from scansion._ground import choice, marked
 from scansion._ground import settings as ground_settings
 
@@ -276,7 +276,7 @@ def write_raster(path: str | os.PathLike[str], raster: Raster) -> None:
     ...     print(path.read_text().splitlines()[2:])
     ['xllcorner 100', 'yllcorner 50', 'cellsize 1', 'NODATA_value -9999', '1.5 -9999']
     """
-    values = native(np.asarray(raster.values), np.float64)
+    values = native(unmasked(raster.values, "raster"), np.float64)
     if values.ndim != 2:
         raise ValueError(f"raster: expected two dimensions, found shape {values.shape}")
     corner = (float(raster.corner[0]), float(raster.corner[1]))

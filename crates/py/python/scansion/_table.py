@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _validation
+from scansion._arrays import unmasked
 from scansion._base import Classifier
 from scansion._labels import check_kind
 
@@ -130,7 +131,7 @@ class TableClassifier(Classifier):
         labels = _validation.labels(y, len(found), type(self).__name__)
         check_kind(labels, self.classes_, "y")
         right = found == labels
-        return float(np.average(right, weights=None if sample_weight is None else np.asarray(sample_weight)))
+        return float(np.average(right, weights=None if sample_weight is None else unmasked(sample_weight, "sample_weight")))
 
     @property
     def feature_importances_(self) -> NDArray[np.float64]:

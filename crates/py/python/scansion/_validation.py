@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scansion._arrays import native
+from scansion._arrays import native, unmasked
 from scansion._base import DataConversionWarning, from_sklearn
 
 
@@ -19,7 +19,7 @@ def table(values: Any, name: str, missing: bool = False) -> NDArray[np.float32]:
         raise TypeError(
             "Sparse data was passed for X, but dense data is required. Use '.toarray()' to convert to a dense array."
         )
-    array = np.asarray(values)
+    array = unmasked(values, "X")
     if array.dtype.kind == "c":
         raise ValueError("Complex data not supported: X must be real numbers")
     _check_shape(array, name)
@@ -66,7 +66,7 @@ def labels(values: Any, rows: int, name: str) -> NDArray[Any]:
     """Class labels as a vector of ``rows`` discrete values."""
     if values is None:
         raise ValueError(f"This {name} estimator requires y to be passed, but the target y is None.")
-    array = np.asarray(values)
+    array = unmasked(values, "y")
     if array.ndim == 2 and array.shape[1] == 1:
         warnings.warn(
             "A column-vector y was passed when a 1d array was expected. Please change the shape of y to "
@@ -106,7 +106,7 @@ def weights(values: Any, rows: int) -> NDArray[np.float32] | None:
     """Sample weights as float32: finite, not negative, not all zero."""
     if values is None:
         return None
-    array = np.asarray(values)
+    array = unmasked(values, "sample_weight")
     if array.ndim == 0:
         array = np.full(rows, array)
     if array.ndim != 1:

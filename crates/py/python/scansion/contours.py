@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import choice, codes, mask, to_json
+from scansion._arrays import choice, codes, mask, to_json, unmasked
 from scansion._classifier import PointClassifier
 from scansion._cloud import PointCloud, as_cloud
-from scansion._settings import dotted_settings, seed
+from scansion._settings import dotted_settings, seed, whole
 
 __all__ = [
     "Contours",
@@ -157,7 +157,7 @@ def extract(
         model = PointClassifier.load(model)
     params = {
         "recipe": dotted_settings(own),
-        "without": [int(code) for code in without],
+        "without": [whole(code, "without", 0) for code in without],
         "min_confidence": float(min_confidence),
         "metres_per_unit": metres_per_unit,
     }
@@ -242,7 +242,7 @@ def stages(
         model = PointClassifier.load(model)
     params = {
         "recipe": dotted_settings(dict(settings or {})),
-        "without": [int(code) for code in without],
+        "without": [whole(code, "without", 0) for code in without],
         "min_confidence": 0.0,
         "metres_per_unit": None,
     }
@@ -295,7 +295,7 @@ def baseline(
     1
     """
     choice(method, "method", ("threshold", "canny"))
-    values = np.ascontiguousarray(np.asarray(strengths), np.float32).reshape(-1)
+    values = np.ascontiguousarray(unmasked(strengths, "strengths"), np.float32).reshape(-1)
     params = {"method": {method: dict(settings or {})}, "voxel": voxel, "metres_per_unit": metres_per_unit}
     return Contours(_core.baseline(as_cloud(cloud)._core, values, to_json(params), n_jobs))
 
@@ -351,7 +351,7 @@ def synthetic_scene(
 
 
 def _lines(lines: Lines) -> _core.Lines:
-    arrays = [np.asarray(line, np.float64) for line in lines]
+    arrays = [unmasked(line, f"line {number}", np.float64) for number, line in enumerate(lines)]
     for number, line in enumerate(arrays):
         if line.ndim != 2 or line.shape[1] != 3:
             raise ValueError(f"line {number}: found shape {line.shape}, expected (m, 3)")
@@ -428,7 +428,7 @@ def score_points(
     >>> scansion.contours.score_points([[0, 0, 0], [1, 0, 0]], [True, False], [True, True])["recall"]
     0.5
     """
-    rows = np.ascontiguousarray(points, np.float64).reshape(-1, 3)
+    rows = np.ascontiguousarray(unmasked(points, "points"), np.float64).reshape(-1, 3)
     marked, true = mask(found, "found"), mask(reference, "reference")
     params = to_json({"forgiven": forgiven})
     scores: dict[str, float | None] = json.loads(_core.score_points(rows, marked, true, params))
@@ -463,7 +463,7 @@ def precision_recall(
     >>> scansion.contours.precision_recall(found, scene.edges, [0.0, 0.5]).shape
     (2, 3)
     """
-    steps = np.arange(20) / 20 if thresholds is None else np.asarray(thresholds, float).reshape(-1)
+    steps = np.arange(20) / 20 if thresholds is None else unmasked(thresholds, "thresholds", float).reshape(-1)
     rows = []
     for least in steps:
         kept = [

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import choice, segments, to_json
+from scansion._arrays import choice, in_segments, to_json
 from scansion._cloud import as_cloud
-from scansion._graph import as_edges
+from scansion._graph import as_edges, edges_between
 from scansion._labels import classes_of, encoded, is_text, signed, texts
 
 __all__ = [
@@ -199,7 +199,7 @@ def segmentation_error(
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         The cloud; all coordinates finite.
     labels : array_like of shape (n,)
-        Segment of each point, 0..4294967295.
+        Segment of each point, 0..4294967295; points of -1 are in none and left out.
     truth : array_like of shape (n,)
         Class codes 0..255 (negative: unlabelled), or text (None: unlabelled).
     cell : float
@@ -225,11 +225,13 @@ def segmentation_error(
     """
     choice(empty, "empty", ("ignored", "background"))
     cloud = as_cloud(xyz, columns=[])
-    of = segments(labels, "labels", len(cloud))
+    of, kept = in_segments(labels, "labels", len(cloud))
     settings = to_json({"cell": cell, "empty": empty})
     codes_of = _pair(truth, truth, unlabelled).truth
     if len(codes_of) != len(cloud):
         raise ValueError(f"truth: expected shape ({len(cloud)},), found ({len(codes_of)},)")
+    if kept is not None:
+        cloud, codes_of = cloud[kept], codes_of[kept]
     found: dict[str, Any] = json.loads(_core.segmentation_error(cloud._core, of, codes_of, settings))
     return found
 
@@ -276,7 +278,7 @@ def purities(labels: ArrayLike, truth: ArrayLike, unlabelled: Iterable[Any] = ()
     Parameters
     ----------
     labels : array_like of shape (n,)
-        Segment of each point, 0..4294967295.
+        Segment of each point, 0..4294967295; points of -1 are in none and left out.
     truth : array_like of shape (n,)
         Class codes 0..255 (negative: unlabelled), or text (None: unlabelled).
     unlabelled : iterable of int or str
@@ -293,7 +295,7 @@ def purities(labels: ArrayLike, truth: ArrayLike, unlabelled: Iterable[Any] = ()
     >>> purities([5, 5, 3, 3], [2, 2, 6, 2]).tolist()
     [1.0, 0.5]
     """
-    of, codes_of = _segments(labels, truth, unlabelled)
+    of, codes_of, _ = _segments(labels, truth, unlabelled)
     return _core.purities(of, codes_of)
 
 
@@ -307,7 +309,7 @@ def boundary_scores(
     edges : array_like of shape (m, 2)
         Pairs of points, e.g. of `scansion.graph.knn_graph`.
     labels : array_like of shape (n,)
-        Segment of each point, 0..4294967295.
+        Segment of each point, 0..4294967295; points of -1 are in none and left out.
     truth : array_like of shape (n,)
         Class codes 0..255 (negative: unlabelled), or text (None: unlabelled).
     hops : int
@@ -327,14 +329,18 @@ def boundary_scores(
     >>> found["recall"], found["true_edges"]
     (0.0, 1)
     """
-    of, codes_of = _segments(labels, truth, unlabelled)
-    found: dict[str, Any] = json.loads(_core.boundary_scores(as_edges(edges), of, codes_of, hops))
+    of, codes_of, kept = _segments(labels, truth, unlabelled)
+    pairs = as_edges(edges)
+    if kept is not None:
+        pairs, _ = edges_between(pairs, None, kept)
+    found: dict[str, Any] = json.loads(_core.boundary_scores(pairs, of, codes_of, hops))
     return found
 
 
 def _segments(
     labels: ArrayLike, truth: ArrayLike, unlabelled: Iterable[Any]
-) -> tuple[NDArray[np.uint32], NDArray[np.int16]]:
-    """Segments and codes of the same points."""
+) -> tuple[NDArray[np.uint32], NDArray[np.int16], NDArray[np.bool_] | None]:
+    """Segments and codes of the points that are in a segment, and whether each point is (None: all are)."""
     codes_of = _pair(truth, truth, unlabelled).truth
-    return segments(labels, "labels", len(codes_of)), codes_of
+    of, kept = in_segments(labels, "labels", len(codes_of))
+    return of, codes_of if kept is None else codes_of[kept], kept

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import choice, to_json
+from scansion._arrays import choice, to_json, unmasked
 from scansion._cloud import as_cloud
 
 __all__ = ["definitions", "multiscale", "names", "normals", "preset", "radius", "radius_names"]
@@ -285,7 +285,7 @@ def radius(
     """
     choice(shape, "shape", ("sphere", "cylinder"))
     choice(divisor, "divisor", ("n", "n-1"))
-    given: list[float] = np.atleast_1d(np.asarray(radii, dtype=np.float64)).tolist()
+    given: list[float] = np.atleast_1d(unmasked(radii, "radii", np.float64)).tolist()
     if not np.all(np.isfinite(given)):
         raise ValueError(f"radii: found {given}, expected finite numbers")
     settings = {"radii": given, "shape": shape, "divisor": divisor, "normalise": normalise}

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import to_json
+from scansion._arrays import to_json, unmasked
 from scansion._cloud import as_cloud
 from scansion._files import _box, _steps
 from scansion._ground import choice, code_list, filter_settings
@@ -182,7 +182,7 @@ def filter_file(
         Keep outliers, with class 7 (noise).
     height : tuple of two floats, optional
         Lowest and greatest height above ground, metres; None at one end, or infinity, has no limit. Heights are those
-        of the dimension HeightAboveGround if the file has it.
+        of the dimension HeightAboveGround if the file has it and none of the settings below is given.
     ground : "filter" or list of int, optional
         Find the ground by the ground filter, or take the points of these classes. None takes class 2 if the file has such
         points, else the ground filter.
@@ -219,7 +219,12 @@ def filter_file(
     >>> scansion.filters.filter_file(folder / "all.laz", folder / "houses.laz", classes=[6])["kept"]
     2
     """
+    own = [ground, noise, slope, window, wall]
+    find_ground = cell != 1.0 or any(setting is not None for setting in own)
+    if find_ground and height is None:
+        raise ValueError("ground, cell, noise, slope, window and wall need height")
     settings: dict[str, Any] = {
+        "find_ground": find_ground,
         "classes": code_list(classes, "classes") if len(classes) else [],
         "drop_classes": code_list(drop_classes, "drop_classes") if len(drop_classes) else [],
         "statistical": _method(statistical, "statistical"),
@@ -270,7 +275,7 @@ def _text(polygon: Any) -> str:
         return polygon
     if isinstance(polygon, (str, os.PathLike)):
         return _core.polygon_text(os.fspath(polygon))
-    corners = np.asarray(polygon, dtype=np.float64)
+    corners = unmasked(polygon, "polygon", np.float64)
     if corners.ndim != 2 or corners.shape[1] != 2:
         raise ValueError(f"polygon: found shape {corners.shape}, expected corners of shape (m, 2)")
     return json.dumps({"type": "Polygon", "coordinates": [corners.tolist()]})

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import as_array, choice, finite, to_json
+from scansion._arrays import as_array, choice, finite, to_json, unmasked
 from scansion._cloud import as_cloud
 from scansion._graph import as_edges, as_rows, as_weights
 from scansion._settings import dotted_settings, together
@@ -301,7 +301,7 @@ def energy(
     >>> regularisation.energy([0, 1, 0], [[0, 1], [0.3, 0], [0, 1]], [[0, 1], [1, 2]], strength=0.5)
     1.0
     """
-    array = np.asarray(labels)
+    array = unmasked(labels, "labels")
     if array.ndim != 1 or array.dtype.kind not in "iub":
         raise ValueError(f"labels: expected whole numbers of shape (n,), found {array.dtype} {array.shape}")
     if array.size and not (array.min() >= 0 and array.max() <= 0xFFFF):
@@ -371,7 +371,7 @@ def _settings(problem: _Problem, strength: float, distances: Any) -> dict[str, A
 def _label_costs(costs: Any) -> list[float]:
     if costs is None:
         return []
-    array = np.asarray(costs)
+    array = unmasked(costs, "label_costs")
     return _finite(as_weights(array, array.size, "label_costs"), "label_costs")
 
 

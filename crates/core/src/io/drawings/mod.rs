@@ -155,6 +155,7 @@ pub fn write_drawing(path: &Path, drawing: &Drawing, monitor: &Monitor) -> Resul
         return check_drawing_output(path);
     }
     drawing.check(monitor)?;
+    drawing.place.warn_of_loss(path, monitor);
     let bytes = match kind.as_str() {
         "dxf" => dxf::text(drawing, monitor)?.into_bytes(),
         "obj" => obj::text(drawing, monitor)?.into_bytes(),

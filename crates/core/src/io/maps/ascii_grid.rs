@@ -31,7 +31,8 @@ pub(super) fn write(path: &Path, raster: &Raster, monitor: &Monitor) -> Result<(
     file.finish()
 }
 
-/// Reads an ESRI ASCII grid of heights in metres; cells without data are holes.
+/// Reads an ESRI ASCII grid of heights; cells without data are holes. Where the header has no `nodata_value`, it is the
+/// format's own: -9999.
 ///
 /// # Errors
 /// If the file cannot be read, a keyword of the header is missing, a number is malformed, or the number of heights is
@@ -72,7 +73,7 @@ pub fn read_ascii_grid(path: &Path) -> Result<Raster> {
             return Err(malformed(path, name, "line 1".into(), Mismatch::new(height, allowed)));
         }
     }
-    let nodata = field(["nodata_value", "nodata"]).map(|(_, value)| value).transpose()?;
+    let nodata = field(["nodata_value", "nodata"]).map_or(Ok(f64::from(NODATA)), |(_, value)| value)?;
     let heights = heights(path, body, nodata)?;
     if columns.checked_mul(rows) != Some(heights.len()) {
         let place = format!("line {}", header.len() + 1);
@@ -100,12 +101,12 @@ fn split(text: &str) -> (Vec<Field<'_>>, impl Iterator<Item = (usize, &str)>) {
     (words.collect(), lines().skip_while(move |(_, line)| is_header(line)))
 }
 
-fn heights<'a>(path: &Path, body: impl Iterator<Item = (usize, &'a str)>, nodata: Option<f64>) -> Result<Vec<f64>> {
+fn heights<'a>(path: &Path, body: impl Iterator<Item = (usize, &'a str)>, nodata: f64) -> Result<Vec<f64>> {
     let mut heights = Vec::new();
     for (line, text) in body {
         for word in text.split_whitespace() {
             let value = number(path, "height", word, line)?;
-            heights.push(if Some(value) == nodata { f64::NAN } else { value });
+            heights.push(if (value - nodata).abs() > 0.0 { value } else { f64::NAN });
         }
     }
     Ok(heights)
@@ -148,7 +149,9 @@ mod tests {
         assert!(raster.values()[1].is_nan() && raster.values()[0] == 1.0 && raster.values()[3..] == [4.0, 5.0, 6.0]);
         let centre = GRID.replace("xllcorner 100.0", "XLLCENTER 101.0").replace("\nNODATA_value -9999", "");
         let raster = read(&centre).unwrap();
-        assert_eq!((raster.origin(), raster.values()[1]), ([100.0, 50.0], -9999.0));
+        assert!(raster.origin() == [100.0, 50.0] && raster.values()[1].is_nan());
+        let other = GRID.replace("_value -9999", "_value -1");
+        assert_eq!(read(&other).unwrap().values()[1], -9999.0);
     }
 
     #[test]

@@ -14,6 +14,11 @@ pub fn geojson(outlines: &[Outline], place: &Georeference) -> String {
     collection(&outlines.iter().map(polygon).collect::<Vec<_>>(), place)
 }
 
+/// Whether the file would tell nothing of the system, which it can only give as an EPSG code.
+pub(super) fn loses(place: &Georeference) -> bool {
+    place.crs.as_ref().is_some_and(|crs| codes_of(crs).horizontal.is_none())
+}
+
 /// The text of a file with these features.
 pub(in crate::io) fn collection(features: &[String], place: &Georeference) -> String {
     let code = place.crs.as_deref().and_then(|crs| codes_of(crs).horizontal);

@@ -120,10 +120,33 @@ fn keys(place: &Georeference) -> (Vec<u16>, String) {
     (directory, text)
 }
 
-/// A system without a code is user-defined; GDAL reads its text (WKT 1) from the citation.
+/// Whether the file would tell nothing of the system.
+pub(super) fn loses(place: &Georeference) -> bool {
+    place.crs.is_some() && keys(place).0.is_empty()
+}
+
+/// A system without a code is user-defined; GDAL reads its text (WKT 1) from the citation. Of a compound system it is that
+/// of the horizontal part.
 fn citation(crs: &str) -> Option<String> {
-    let known = crs.is_ascii() && crs.starts_with("PROJCS[") && crs.len() < LONGEST;
-    known.then(|| format!("ESRI PE String = {crs}|"))
+    let plane = if crs.starts_with("COMPD_CS[") { projected(crs)? } else { crs };
+    let known = plane.is_ascii() && plane.starts_with("PROJCS[") && plane.len() < LONGEST;
+    known.then(|| format!("ESRI PE String = {plane}|"))
+}
+
+/// The projected part of a compound system in WKT 1, up to its closing bracket.
+fn projected(crs: &str) -> Option<&str> {
+    let text = crs.get(crs.find("PROJCS[")?..)?;
+    let (mut open, mut quoted) = (0usize, false);
+    let end = text.char_indices().find(|&(_, c)| {
+        match c {
+            '"' => quoted = !quoted,
+            '[' if !quoted => open += 1,
+            ']' if !quoted => open = open.saturating_sub(1),
+            _ => return false,
+        }
+        c == ']' && open == 0
+    })?;
+    text.get(..=end.0)
 }
 
 #[cfg(test)]
@@ -147,6 +170,10 @@ mod tests {
         assert!(keys(&place("somewhere", 1.0)).0.is_empty());
         let (own, text) = keys(&place("PROJCS[\"own\"]", 1.0));
         assert_eq!(text, "ESRI PE String = PROJCS[\"own\"]|");
+        let compound = r#"COMPD_CS["both",PROJCS["own [1",UNIT["m",1]],VERT_CS["h",UNIT["m",1]]]"#;
+        assert_eq!(keys(&place(compound, 1.0)).1, r#"ESRI PE String = PROJCS["own [1",UNIT["m",1]]|"#);
+        assert!(loses(&place("PROJCRS[\"own\"]", 1.0)) && !loses(&place(compound, 1.0)));
+        assert!(!loses(&Georeference::default()));
         assert!(own.chunks(4).any(|k| k == [3073, 34737, text.len() as u16, 0]));
     }
 

@@ -41,6 +41,18 @@ impl Georeference {
         let crs = cloud.crs.clone().filter(|crs| unit_of(crs) != Some(Unit::Degrees));
         Self { crs, metres_per_unit: cloud.metres_per_unit }
     }
+
+    /// Warns if a file of this name could tell the reference system, but not this one.
+    pub(in crate::io) fn warn_of_loss(&self, path: &Path, monitor: &Monitor) {
+        let (lost, what) = match extension(path).as_str() {
+            "tif" | "tiff" => (geotiff::loses(self), "has neither an EPSG code nor a projected system in WKT 1"),
+            "geojson" | "json" => (geojson::loses(self), "has no EPSG code"),
+            _ => return,
+        };
+        if lost {
+            monitor.warn(format!("{}: not kept: the coordinate reference system, which {what}", path.display()));
+        }
+    }
 }
 
 /// A polygon with properties.
@@ -73,6 +85,7 @@ pub fn check_raster_output(path: &Path) -> Result<()> {
 /// # Errors
 /// As [`check_raster_output`], or if the work was cancelled.
 pub fn write_raster(path: &Path, raster: &Raster, place: &Georeference, monitor: &Monitor) -> Result<()> {
+    place.warn_of_loss(path, monitor);
     match extension(path).as_str() {
         "tif" | "tiff" => geotiff::write(path, raster, place, monitor),
         "asc" => ascii_grid::write(path, raster, monitor),

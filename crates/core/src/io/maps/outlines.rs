@@ -7,6 +7,7 @@ use crate::error::Result;
 use crate::io::atomic;
 use crate::io::check_output;
 use crate::io::format::extension;
+use crate::parallel::Monitor;
 use std::path::Path;
 
 /// Fails if outlines could not be written to this path later. To be called before long work.
@@ -25,7 +26,8 @@ pub fn check_outline_output(path: &Path) -> Result<()> {
 ///
 /// # Errors
 /// As [`check_outline_output`].
-pub fn write_outlines(path: &Path, outlines: &[Outline], place: &Georeference) -> Result<()> {
+pub fn write_outlines(path: &Path, outlines: &[Outline], place: &Georeference, monitor: &Monitor) -> Result<()> {
+    place.warn_of_loss(path, monitor);
     let bytes = match extension(path).as_str() {
         "geojson" | "json" => geojson(outlines, place).into_bytes(),
         "gpkg" => {
@@ -55,7 +57,7 @@ mod tests {
         properties.insert("area".into(), json!(100.0));
         let outline = square(properties);
         let dutch = Georeference { crs: Some("EPSG:7415".into()), metres_per_unit: Some(1.0) };
-        write_outlines(&path, &[outline.clone(), outline.clone()], &dutch).unwrap();
+        write_outlines(&path, &[outline.clone(), outline.clone()], &dutch, &Monitor::default()).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         let read: Value = serde_json::from_str(&text).unwrap();
         assert_eq!(read["crs"]["properties"]["name"], "urn:ogc:def:crs:EPSG::28992");
@@ -67,10 +69,10 @@ mod tests {
         assert_eq!((back.outlines.len(), back.place.crs.as_deref()), (2, Some("EPSG:28992")));
         assert_eq!(back.outlines[0].rings, [[[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]]]);
         assert_eq!(back.outlines[0].properties, outline.properties);
-        write_outlines(&path, &[], &Georeference::default()).unwrap();
+        write_outlines(&path, &[], &Georeference::default(), &Monitor::default()).unwrap();
         let read: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
         assert!(read.get("crs").is_none() && read["features"].as_array().unwrap().is_empty());
-        assert!(write_outlines(&folder.path().join("a.shp"), &[], &dutch).is_err());
+        assert!(write_outlines(&folder.path().join("a.shp"), &[], &dutch, &Monitor::default()).is_err());
         assert!(outlines_of("{}").is_err());
     }
 
@@ -78,7 +80,7 @@ mod tests {
     fn a_geopackage_is_a_database_of_whole_pages() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("houses.gpkg");
-        write_outlines(&path, &[square(Map::new())], &Georeference::default()).unwrap();
+        write_outlines(&path, &[square(Map::new())], &Georeference::default(), &Monitor::default()).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         assert!(bytes.starts_with(b"SQLite format 3\0") && bytes[68..72] == *b"GPKG");
         let pages = u32::from_be_bytes([bytes[28], bytes[29], bytes[30], bytes[31]]);

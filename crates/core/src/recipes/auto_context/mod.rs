@@ -258,10 +258,10 @@ impl System for AutoContextRecipe {
     fn train(
         &self,
         clouds: &[LabelledCloud],
-        options: &TrainOptions,
+        _options: &TrainOptions,
         monitor: &Monitor,
     ) -> Result<TrainingResult<Self>> {
-        train::train(self, clouds, options, monitor)
+        train::train(self, clouds, monitor)
     }
 
     fn classify(fitted: &Fitted<Self>, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {

@@ -19,16 +19,13 @@ use crate::recipes::trained::{FirstStage, Stage, Trained};
 use crate::recipes::training::choice::{ChoiceReport, CrossTraining, Labelled, NeededPoints, Trial, choose};
 use crate::recipes::training::sources::{SampleSource, SampleSources};
 use crate::recipes::training::{TrainingData, density};
-use crate::recipes::{Fitted, LabelledCloud, Nothing, System, TrainOptions, TrainingResult};
+use crate::recipes::{Fitted, LabelledCloud, Nothing, System, TrainingResult};
 
 pub(super) fn train(
     recipe: &AutoContextRecipe,
     clouds: &[LabelledCloud],
-    options: &TrainOptions,
     monitor: &Monitor,
 ) -> Result<TrainingResult<AutoContextRecipe>> {
-    options.without_strengths(recipe.name())?;
-    options.without_depths(recipe.name())?;
     recipe.validate()?;
     let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
     let sources = SampleSources::select(&data, &recipe.training, recipe.seed, monitor)?;

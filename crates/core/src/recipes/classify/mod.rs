@@ -33,7 +33,7 @@ pub struct ClassifyParams {
     /// Regularisation of the labels; `None` uses that of the model. Its parameters are always those of the model's
     /// recipe.
     pub regularise: Option<Regularise>,
-    /// Ground heights of this cloud to use instead of those of its road points (weak).
+    /// Ground heights of this cloud, in its unit, to use instead of those of its road points (weak).
     pub elevation: Option<ElevationModel>,
     /// Statistics of the whole cloud, if this is a part of it: parts then get the labels that the whole would give them.
     /// `None`: this is the whole.

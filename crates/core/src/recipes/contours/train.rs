@@ -29,11 +29,8 @@ type Half = Vec<LabelledCloud>;
 pub(super) fn train(
     recipe: &ContoursRecipe,
     clouds: &[LabelledCloud],
-    options: &TrainOptions,
     monitor: &Monitor,
 ) -> Result<TrainingResult<ContoursRecipe>> {
-    options.without_strengths(recipe.name())?;
-    options.without_depths(recipe.name())?;
     recipe.validate()?;
     let scaled = clouds.iter().map(|cloud| scaled(recipe, cloud, monitor)).collect::<Result<Vec<_>>>()?;
     let TrainingResult { trained: points, report, .. } = point_model(recipe, &scaled, monitor)?;

@@ -149,8 +149,7 @@ macro_rules! systems {
             ) -> Result<(Model, Box<dyn Report>)> {
                 match self {
                     $($(#[cfg($cfg)])? Self::$name(recipe) => {
-                        check_elevation::<$recipe>(options.elevation.is_some())?;
-                        check_checkpoint::<$recipe>(options.checkpoint.is_some())?;
+                        check_options::<$recipe>(options)?;
                         let TrainingResult { fitted, trained, report } = recipe.train(clouds, options, monitor)?;
                         Ok((Model { fitted: fitted.into(), trained }, Box::new(report)))
                     })*
@@ -334,12 +333,25 @@ fn written(value: &impl Serialize) -> Result<String> {
     toml::to_string(value).map_err(|e| Error::input(format!("recipe cannot be written as TOML: {e}")))
 }
 
-/// Fails if a checkpoint is asked of a method that writes none.
-fn check_checkpoint<S: System>(asked: bool) -> Result<()> {
-    match asked && !S::KEEPS_CHECKPOINTS {
-        true => Err(Error::parameter("checkpoint", "one", format!("none: the recipe {} writes none", S::NAME))),
-        false => Ok(()),
+/// Fails if an option of the training has no effect with a method.
+fn check_options<S: System>(options: &TrainOptions) -> Result<()> {
+    let refused = |name, found: String, text: &str| {
+        Err(Error::parameter(name, found, format!("none: the recipe {} {text}", S::NAME)))
+    };
+    check_elevation::<S>(options.elevation.is_some())?;
+    if let (Some(first), false) = (options.strengths.first(), S::TRIES_STRENGTHS) {
+        return refused("strengths", first.to_string(), "does not try any");
     }
+    if let (Some(first), false) = (options.depths.first(), S::TRIES_DEPTHS) {
+        return refused("depths", first.to_string(), "does not try any");
+    }
+    if let (Some(folds), false) = (options.folds, S::TRIES_DEPTHS || S::TRIES_STRENGTHS) {
+        return refused("folds", folds.to_string(), "has no cross-validation of its own");
+    }
+    if options.checkpoint.is_some() && !S::KEEPS_CHECKPOINTS {
+        return refused("checkpoint", "one".into(), "writes none");
+    }
+    Ok(())
 }
 
 /// Fails if an elevation model is given to a method that has no use for it.

@@ -152,11 +152,9 @@ impl System for ObjectsRecipe {
     fn train(
         &self,
         clouds: &[LabelledCloud],
-        options: &TrainOptions,
+        _options: &TrainOptions,
         monitor: &Monitor,
     ) -> Result<TrainingResult<Self>> {
-        options.without_depths(Self::NAME)?;
-        options.without_strengths(Self::NAME)?;
         train::train(self, clouds, monitor)
     }
 

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::recipes::training::sources::SampleSources;
 use crate::recipes::training::{TrainingData, density};
-use crate::recipes::{Fitted, LabelledCloud, Nothing, TrainOptions, Trained, TrainingResult};
+use crate::recipes::{Fitted, LabelledCloud, Nothing, Trained, TrainingResult};
 
 /// The features of all samples.
 #[derive(Default)]
@@ -21,17 +21,10 @@ struct DescribedSamples {
 ///
 /// # Errors
 /// As [`System::train`](crate::recipes::System::train).
-pub(in crate::recipes) fn train<R>(
-    recipe: &R,
-    clouds: &[LabelledCloud],
-    options: &TrainOptions,
-    monitor: &Monitor,
-) -> Result<TrainingResult<R>>
+pub(in crate::recipes) fn train<R>(recipe: &R, clouds: &[LabelledCloud], monitor: &Monitor) -> Result<TrainingResult<R>>
 where
     R: OneStage<Learned = Nothing, Report = OneStageReport>,
 {
-    options.without_strengths(recipe.name())?;
-    options.without_depths(recipe.name())?;
     recipe.validate()?;
     let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
     let sources = SampleSources::select(&data, recipe.training(), recipe.seed(), monitor)?;

@@ -82,6 +82,7 @@ offers_classifiers!(PyramidRecipe);
 
 impl System for PyramidRecipe {
     const NAME: &'static str = "pyramid";
+    const TRIES_DEPTHS: bool = true;
     type Learned = Nothing;
     type Report = PyramidReport;
 

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::evaluation::ClassScores;
-use crate::recipes::system::report::{ClassCount, Report, json_of};
+use crate::recipes::system::report::{ClassCount, Report, SCORE_COLUMNS, json_of, score_row};
 use crate::recipes::training::choice::ChoiceReport;
 use serde::Serialize;
 use std::fmt::Write;
@@ -92,6 +92,16 @@ impl Report for PyramidReport {
             text.push_str(&choice.text());
         }
         text
+    }
+
+    fn csv(&self) -> Option<String> {
+        let row = |score: &DepthScore| {
+            let depth = score.max_depth.map_or(String::new(), |depth| depth.to_string());
+            let of = |c: &ClassScores| score_row(&depth, c);
+            score.classes.iter().map(of).collect::<String>()
+        };
+        let rows: String = self.depths.iter().map(row).collect();
+        (!rows.is_empty()).then(|| format!("max_depth,{SCORE_COLUMNS}\n{rows}"))
     }
 
     fn json(&self) -> Result<String> {

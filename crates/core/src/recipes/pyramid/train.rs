@@ -19,7 +19,6 @@ pub(super) fn train(
     options: &TrainOptions,
     monitor: &Monitor,
 ) -> Result<TrainingResult<PyramidRecipe>> {
-    options.without_strengths(PyramidRecipe::NAME)?;
     recipe.validate()?;
     let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
     let sources = SampleSources::select(&data, &recipe.training, recipe.seed, monitor)?;

@@ -13,6 +13,7 @@ use crate::recipes::labels::{LabelledCloud, Labels};
 use crate::recipes::model::any::AnyRecipe;
 use crate::recipes::model::classify;
 use crate::recipes::system::TrainOptions;
+use crate::recipes::system::report::{SCORE_COLUMNS, score_row};
 use crate::recipes::training::blocks::{Place, spatial_folds};
 use crate::terrain::ElevationModel;
 use serde::Serialize;
@@ -26,7 +27,7 @@ pub struct SearchParams {
     pub folds: usize,
     /// Edge of the squares that are held out together, metres; `None`: 50, halved until there are two squares a fold.
     pub block: Option<f64>,
-    /// Ground heights to use instead of those of the road points (weak).
+    /// Ground heights, in the unit of the clouds, to use instead of those of the road points (weak).
     pub elevation: Option<ElevationModel>,
 }
 
@@ -92,6 +93,15 @@ pub fn search(
 }
 
 impl SearchReport {
+    /// A CSV table: one row for each class of all settings that were tried.
+    pub fn csv(&self) -> String {
+        let row = |trial: &SearchScore| {
+            let settings = trial.settings.join(" ");
+            trial.scores.labels.iter().map(|class| score_row(&settings, class)).collect::<String>()
+        };
+        std::iter::once(format!("settings,{SCORE_COLUMNS}\n")).chain(self.tried.iter().map(row)).collect()
+    }
+
     /// One line for each setting that was tried, and below it one for each class; lines end with a line feed.
     pub fn text(&self) -> String {
         let mut text = format!("{}-fold cross-validation on squares of {} m\n", self.folds, self.block);

@@ -111,4 +111,31 @@ impl SegmentParams {
             }
         }
     }
+
+    /// Checks that `partition.cutoff` has an effect on the segments.
+    ///
+    /// # Errors
+    /// If the method does not merge small segments.
+    pub fn check_cutoff(&self) -> Result<()> {
+        self.check_method(|method| method.merges_small(), "merge small segments (cutoff)")
+    }
+
+    /// Checks that `neighbourhood` has an effect on the segments.
+    ///
+    /// # Errors
+    /// If the method does not describe points by their neighbours.
+    pub fn check_neighbourhood(&self) -> Result<()> {
+        self.check_method(|method| method.describes_points(), "describe points by their neighbours (k_min)")
+    }
+
+    /// Fails if the method is not one of those that can do something.
+    fn check_method(&self, able: impl Fn(&dyn PartitionMethod) -> bool, ability: &str) -> Result<()> {
+        match able(self.method.method()) {
+            true => Ok(()),
+            false => {
+                let expected = format!("one of {}: the others do not {ability}", SegmentMethod::those(able));
+                Err(Error::parameter("method", self.method.name(), expected))
+            }
+        }
+    }
 }

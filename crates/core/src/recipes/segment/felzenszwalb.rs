@@ -32,6 +32,10 @@ impl PartitionMethod for Felzenszwalb {
         let partition = Partition::from_labels_watched(&found.of, monitor)?;
         Ok(Parted { partition, descriptors, graph: Some(boundaries), ..Parted::default() })
     }
+
+    fn describes_points(&self) -> bool {
+        true
+    }
 }
 
 /// Distance between the descriptors of two points.

@@ -36,6 +36,16 @@ pub(super) trait PartitionMethod: Sync {
         false
     }
 
+    /// Whether it describes points by their neighbours (`neighbourhood`).
+    fn describes_points(&self) -> bool {
+        false
+    }
+
+    /// Whether it merges small segments into their best neighbour (`partition.cutoff`).
+    fn merges_small(&self) -> bool {
+        false
+    }
+
     /// Sets a strength or an intent; `None` if the method has no such parameter.
     fn aim(&self, _params: &mut SegmentParams, _aim: Intent) -> Option<()> {
         None

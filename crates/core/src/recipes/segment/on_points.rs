@@ -30,6 +30,14 @@ impl PartitionMethod for OnPoints {
         })
     }
 
+    fn merges_small(&self) -> bool {
+        true
+    }
+
+    fn describes_points(&self) -> bool {
+        true
+    }
+
     fn aim(&self, params: &mut SegmentParams, aim: Intent) -> Option<()> {
         params.partition.intent = aim;
         Some(())

@@ -165,10 +165,10 @@ impl System for SpheresRecipe {
     fn train(
         &self,
         clouds: &[LabelledCloud],
-        options: &TrainOptions,
+        _options: &TrainOptions,
         monitor: &Monitor,
     ) -> Result<TrainingResult<Self>> {
-        train(self, clouds, options, monitor)
+        train(self, clouds, monitor)
     }
 
     fn classify(fitted: &Fitted<Self>, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {

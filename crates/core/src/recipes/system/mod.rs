@@ -8,7 +8,7 @@ pub(in crate::recipes) mod height;
 pub(in crate::recipes) mod report;
 pub(in crate::recipes) mod settings;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::recipes::classify::rules::ClassRules;
 use crate::recipes::classify::statistics::CloudStatistics;
@@ -33,6 +33,12 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
 
     /// Whether an elevation model of the terrain can be given to it.
     const TAKES_ELEVATION: bool = false;
+
+    /// Whether training can try maximum depths of the trees, and cross-validate.
+    const TRIES_DEPTHS: bool = false;
+
+    /// Whether training can try strengths of the random field.
+    const TRIES_STRENGTHS: bool = false;
 
     /// Whether training can go on from a file.
     const KEEPS_CHECKPOINTS: bool = false;
@@ -184,7 +190,7 @@ pub struct TrainOptions {
     pub depths: Vec<usize>,
     /// Strengths of the random field to try (weak); the best is used.
     pub strengths: Vec<f64>,
-    /// Ground heights to use instead of those of the road points (weak).
+    /// Ground heights, in the unit of the clouds, to use instead of those of the road points (weak).
     pub elevation: Option<ElevationModel>,
     /// File that training writes from time to time and goes on from if it exists, to the same model (unet, windows).
     pub checkpoint: Option<PathBuf>,
@@ -199,27 +205,5 @@ impl TrainOptions {
     /// Whether accuracy is to be estimated by cross-validation, or a depth to be chosen by it.
     pub fn cross_validates(&self) -> bool {
         self.folds.is_some() || !self.depths.is_empty()
-    }
-
-    /// Fails if there are strengths to try.
-    pub(in crate::recipes) fn without_strengths(&self, recipe: &str) -> Result<()> {
-        match self.strengths.first() {
-            Some(first) => {
-                Err(Error::parameter("strengths", first, format!("none: the recipe {recipe} does not try any")))
-            }
-            None => Ok(()),
-        }
-    }
-
-    /// Fails if cross-validation of depths is asked for.
-    pub(in crate::recipes) fn without_depths(&self, recipe: &str) -> Result<()> {
-        match self.cross_validates() {
-            true => Err(Error::parameter(
-                "cross-validation",
-                format!("{} folds, depths {:?}", self.folds(), self.depths),
-                format!("none: the recipe {recipe} has no cross-validation of depths"),
-            )),
-            false => Ok(()),
-        }
     }
 }

@@ -1,6 +1,8 @@
 //! Reports of training.
 
 use crate::error::{Error, Result};
+use crate::evaluation::ClassScores;
+use crate::evaluation::report::csv_field;
 use serde::Serialize;
 
 /// What training of any recipe reports.
@@ -19,11 +21,25 @@ pub trait Report: Send {
     /// The rest of the report as text, below a table of the classes; lines end with a line feed.
     fn text(&self) -> String;
 
+    /// The trials of the training as a CSV table; `None` if there were none.
+    fn csv(&self) -> Option<String> {
+        None
+    }
+
     /// The whole report as JSON.
     ///
     /// # Errors
     /// Never for a report of training.
     fn json(&self) -> Result<String>;
+}
+
+/// The columns of [`score_row`] after the first one.
+pub(in crate::recipes) const SCORE_COLUMNS: &str = "code,precision,recall,f1_score,class";
+
+/// A row of a CSV table of scores of classes in a trial; shares are 0..1.
+pub(in crate::recipes) fn score_row(trial: &str, scores: &ClassScores) -> String {
+    let ClassScores { code, name, precision, recall, f1_score, .. } = scores;
+    format!("{},{code},{precision:.6},{recall:.6},{f1_score:.6},{}\n", csv_field(trial), csv_field(name))
 }
 
 /// A report as JSON.

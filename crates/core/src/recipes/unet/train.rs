@@ -54,8 +54,6 @@ pub(super) fn train(
     options: &TrainOptions,
     monitor: &Monitor,
 ) -> Result<TrainingResult<UNetRecipe>> {
-    options.without_strengths("unet")?;
-    options.without_depths("unet")?;
     use crate::recipes::System;
     recipe.validate()?;
     let data = TrainingData::new(clouds, None, monitor)?;

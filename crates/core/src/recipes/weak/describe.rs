@@ -36,7 +36,7 @@ impl<'a> WeakScene<'a> {
 pub(super) struct RoadSources<'a> {
     /// Labelled points of road and of other classes.
     pub(super) examples: &'a [RoadExample],
-    /// Ground heights to use instead of those of the road points.
+    /// Ground heights, in the unit of the cloud, to use instead of those of the road points.
     pub(super) elevation: Option<&'a ElevationModel>,
 }
 
@@ -52,7 +52,9 @@ pub(super) fn paper_descriptors(
     forest.seed = forest.seed.wrapping_add(recipe.seed);
     let RoadSources { examples, elevation } = sources;
     let WeakScene { metric, points, local } = scene;
-    let scene = RoadScene { cloud: metric.cloud, points, local, examples, forest: &forest, elevation };
+    let elevation = elevation.map(|model| model.in_metres(metric.metres)).transpose()?;
+    let scene =
+        RoadScene { cloud: metric.cloud, points, local, examples, forest: &forest, elevation: elevation.as_ref() };
     let Terrain { elevation, position } = recipe.road.describe(&scene, monitor)?;
     let names = local.names.iter().cloned().chain(Group::Terrain.names()).collect();
     let mut values = Vec::with_capacity(points.len() * (local.width() + 2));

@@ -120,6 +120,7 @@ impl Default for WeakRecipe {
 impl System for WeakRecipe {
     const NAME: &'static str = "weak";
     const TAKES_ELEVATION: bool = true;
+    const TRIES_STRENGTHS: bool = true;
     /// The forest finds the road of every cloud.
     const TRAINING_ONLY: &'static [&'static str] = &[
         "labels.per_class",
@@ -176,7 +177,6 @@ impl System for WeakRecipe {
         options: &TrainOptions,
         monitor: &Monitor,
     ) -> Result<TrainingResult<Self>> {
-        options.without_depths(Self::NAME)?;
         train::train(self, clouds, options, monitor)
     }
 

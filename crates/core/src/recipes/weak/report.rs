@@ -64,6 +64,12 @@ impl Report for WeakReport {
         text
     }
 
+    fn csv(&self) -> Option<String> {
+        let row = |score: &StrengthScore| format!("{},{:.6}\n", score.strength, score.accuracy);
+        let rows: String = self.strengths.iter().map(row).collect();
+        (!rows.is_empty()).then(|| format!("strength,accuracy\n{rows}"))
+    }
+
     fn json(&self) -> Result<String> {
         json_of(self)
     }

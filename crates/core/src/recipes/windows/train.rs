@@ -59,8 +59,6 @@ pub(super) fn train(
     options: &TrainOptions,
     monitor: &Monitor,
 ) -> Result<TrainingResult<WindowsRecipe>> {
-    options.without_strengths(WindowsRecipe::NAME)?;
-    options.without_depths(WindowsRecipe::NAME)?;
     recipe.validate()?;
     let data = TrainingData::new(clouds, None, monitor)?;
     let sources = SampleSources::select(&data, &recipe.training, recipe.seed, monitor)?;

@@ -16,4 +16,4 @@ pub use footprints::{Footprint, FootprintParams, footprints, outlines};
 pub use isolines::{Isoline, IsolineParams, isolines};
 pub use params::{GroundChoice, ProductParams};
 pub use surfaces::{heights_above_ground, normalised, surface_model, terrain_model};
-pub use survey::Survey;
+pub use survey::{Survey, noise_classes};

@@ -12,6 +12,14 @@ const NOISE: [u8; 2] = [7, 18];
 /// Class of ground in ASPRS codes.
 const GROUND: u8 = 2;
 
+/// Classes that are noise, if the user names none: those of ASPRS codes; other codes have none.
+pub fn noise_classes(scheme: CodeScheme) -> &'static [u8] {
+    match scheme {
+        CodeScheme::Asprs => &NOISE,
+        _ => &[],
+    }
+}
+
 /// The points of a cloud without noise and stray points, and which of them are ground.
 #[derive(Clone, Debug)]
 pub struct Survey {
@@ -41,11 +49,7 @@ impl Survey {
     pub fn of_points(scene: &MetricCloud<'_>, params: &ProductParams, monitor: &Monitor) -> Result<Self> {
         params.validate()?;
         let codes = Codes::of(scene.cloud);
-        let noise = match (&params.noise, scene.cloud.scheme) {
-            (Some(noise), _) => noise.as_slice(),
-            (None, CodeScheme::Asprs) => &NOISE,
-            (None, _) => &[],
-        };
+        let noise = params.noise.as_deref().unwrap_or_else(|| noise_classes(scene.cloud.scheme));
         let all = scene.some_points(monitor)?;
         let rows = 0..all.len() as u32;
         let kept: Vec<u32> = rows.filter(|&row| !codes.among(all.frame.index[row as usize], noise)).collect();

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import choice, to_json, whole_numbers
+from scansion._arrays import choice, to_json, unmasked, whole_numbers
 from scansion._settings import seed, whole
 from scansion.nn._tensor import SparseTensor
 
@@ -71,8 +71,8 @@ def _sites(coordinates: Any, n_jobs: int | None) -> Sites:
 
 
 def _submanifold(sites: Sites, features: Any, weights: Any, dilation: int) -> tuple[Any, ...]:
-    features = np.ascontiguousarray(features, np.float32)
-    weights = np.asarray(weights, np.float32)
+    features = np.ascontiguousarray(unmasked(features, "features"), np.float32)
+    weights = unmasked(weights, "weights", np.float32)
     if features.ndim != 2 or len(features) != len(sites) or features.shape[1] == 0:
         expected = f"({len(sites)}, channels), one row a position and 1 or more channels"
         raise ValueError(f"features: found shape {features.shape}, expected shape {expected}")
@@ -151,7 +151,7 @@ def submanifold_convolution_gradient(
     """
     sites = _sites(coordinates, n_jobs)
     features, flat, layer = _submanifold(sites, features, weights, dilation)
-    gradient = np.ascontiguousarray(gradient, np.float32)
+    gradient = np.ascontiguousarray(unmasked(gradient, "gradient"), np.float32)
     if gradient.shape != (len(features), np.shape(weights)[-1]):
         raise ValueError(f"gradient: found shape {gradient.shape}, expected {(len(features), np.shape(weights)[-1])}")
     values, found = _core.submanifold_gradient(sites._core, features, flat, gradient, layer, n_jobs)
@@ -160,14 +160,14 @@ def submanifold_convolution_gradient(
 
 def _direct(tensor: SparseTensor, weights: Any, bias: Any, density: float | None, attention: str) -> tuple[Any, ...]:
     choice(attention, "attention", ("positive", "magnitude"))
-    weights = np.asarray(weights, np.float32)
+    weights = unmasked(weights, "weights", np.float32)
     axes = len(tensor.shape) - 2
     if not 1 <= axes <= 4:
         raise ValueError(f"tensor: found shape {tensor.shape}, expected (samples, channels, cells along 1 to 4 axes)")
     if weights.ndim != axes + 2 or len(set(weights.shape[2:])) > 1 or weights.shape[1] != tensor.shape[1]:
         expected = f"(outputs, {tensor.shape[1]}, {', '.join(['size'] * axes)})"
         raise ValueError(f"weights: found shape {weights.shape}, expected {expected}")
-    bias = np.ascontiguousarray([] if bias is None else bias, np.float32)
+    bias = np.ascontiguousarray([] if bias is None else unmasked(bias, "bias"), np.float32)
     selection = None if density is None else {"attention": attention, "density": float(density)}
     layer = {"shape": list(tensor.shape), "size": weights.shape[2], "outputs": weights.shape[0], "selection": selection}
     keys = np.ascontiguousarray(tensor.keys, np.uint64)
@@ -309,6 +309,10 @@ class SparseConv3d:
         self.dilation = dilation
         self.n_jobs = n_jobs
         self._input: tuple[Any, Any] | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The attributes, for copies and pickles, without what the last call was given."""
+        return {**self.__dict__, "_input": None}
 
     def __call__(self, coordinates: Any, features: Any) -> NDArray[np.float32]:
         """Features of shape (n, out_channels) at integer coordinates of shape (n, 3), each row once, or at :class:`Sites` that

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import check_whole
+from scansion._arrays import check_whole, unmasked
 from scansion._settings import seed, whole
 
 Path = str | os.PathLike[str]
@@ -111,10 +111,10 @@ def sample_surface(vertices: Any, triangles: Any, count: int, random_state: Any 
     >>> bool((points.sum(axis=1) <= 1).all())
     True
     """
-    triangles = np.asarray(triangles)
+    triangles = unmasked(triangles, "triangles")
     if triangles.ndim != 2 or triangles.shape[1] != 3 or (triangles < 0).any():
         raise ValueError(f"triangles: found shape {triangles.shape}, expected (m, 3) and rows, 0 or more")
-    corners = np.ascontiguousarray(vertices, np.float64)
+    corners = np.ascontiguousarray(unmasked(vertices, "vertices"), np.float64)
     if corners.ndim != 2:
         raise ValueError(f"vertices: found shape {corners.shape}, expected (n, 3)")
     check_whole(triangles, "triangles", 0xFFFFFFFF)

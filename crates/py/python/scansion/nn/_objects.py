@@ -5,16 +5,19 @@ from __future__ import annotations
 import json
 import os
 import re
+import tempfile
 import time
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import to_json
+from scansion._arrays import to_json, unmasked
 from scansion._base import Classifier
+from scansion._labels import check_kind
 from scansion._progress import Progress, following
 from scansion._settings import seed, share, together, whole
 from scansion.nn._samples import samples
@@ -205,9 +208,12 @@ class VoxelClassifier(Classifier):
         X
             Objects in a form that `fit` takes.
         y : array of shape (n,)
-            Their labels.
+            Their labels, numbers or texts as for `fit`.
         """
-        found, (labels, _) = self.predict(X), _kind(y)
+        self._check_is_fitted()
+        labels, _ = _kind(y)
+        check_kind(labels, self.classes_, "y")
+        found = self.predict(X)
         if len(labels) != len(found):
             raise ValueError(f"y: found {len(labels)} labels, expected {len(found)}")
         return float((found == labels).mean())
@@ -244,10 +250,29 @@ class VoxelClassifier(Classifier):
         self._check_is_fitted()
         return self._model.weights()
 
+    def __getstate__(self) -> dict[str, Any]:
+        """The attributes, for copies and pickles; the network as the bytes of its file."""
+        state = dict(self.__dict__)
+        if "_model" in state:
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder, "network")
+                self._model.save(os.fspath(path))
+                state["_model"] = path.read_bytes()
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """The inverse of ``__getstate__``."""
+        self.__dict__.update(state)
+        if "_model" in state:
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder, "network")
+                path.write_bytes(state["_model"])
+                self._model = _core.ObjectModel.load(os.fspath(path))
+
 
 def _kind(y: Any) -> tuple[NDArray[Any], str]:
     """The labels as numbers or texts, and which of them they are, by the core's name."""
-    labels = np.asarray(y)
+    labels = unmasked(y, "y")
     if labels.ndim != 1:
         raise ValueError(f"y: found shape {labels.shape}, expected (n,)")
     if labels.dtype.kind == "O":

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import to_json
+from scansion._arrays import to_json, unmasked
 from scansion.nn._tensor import SparseTensor
 
 
@@ -35,7 +35,7 @@ def samples(X: Any, labels: NDArray[np.intp] | None, resolution: int) -> tuple[_
 
 def _sorted(tensor: SparseTensor, end: int) -> tuple[NDArray[np.uint64], NDArray[np.float32]]:
     """Keys, ascending, and their values; all keys must be below ``end``."""
-    keys, values = np.asarray(tensor.keys), np.asarray(tensor.values, np.float32)
+    keys, values = unmasked(tensor.keys, "X"), unmasked(tensor.values, "X", np.float32)
     if keys.ndim != 1 or keys.shape != values.shape:
         raise ValueError(f"X: found keys of shape {keys.shape} and values of shape {values.shape}, expected (n,) twice")
     if keys.dtype.kind not in "iu" and len(keys):
@@ -57,7 +57,7 @@ def _are_points(X: Any) -> bool:
 
 
 def _points(X: Any, codes: list[int], resolution: int) -> tuple[_core.Objects, dict[str, Any]]:
-    arrays = [np.asarray(points, np.float64) for points in X]
+    arrays = [unmasked(points, "X", np.float64) for points in X]
     _same_length(len(arrays), codes, codes or None)
     # Coordinates of maps have more digits than single precision; only the shape of an object matters.
     local = [points - points.mean(axis=0) if len(points) else points for points in arrays]
@@ -68,7 +68,7 @@ def _points(X: Any, codes: list[int], resolution: int) -> tuple[_core.Objects, d
 
 
 def _of_cells(X: Any) -> SparseTensor:
-    cells = np.asarray(X)
+    cells = unmasked(X, "X")
     if not 2 <= cells.ndim <= 5 or cells.dtype.kind not in "fiub":
         expected = "(n, cells, ...) with 1 to 4 axes of cells, a list of (m, 3) arrays of points, or a SparseTensor"
         raise ValueError(f"X: found shape {cells.shape} of dtype {cells.dtype}, expected {expected}")

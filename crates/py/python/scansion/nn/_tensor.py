@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from scansion._arrays import unmasked
+
 
 class SparseTensor(NamedTuple):
     """Entries of an array of shape (samples, channels, cells along 1 to 4 axes): the place of each in the flattened array,
@@ -26,7 +28,7 @@ class SparseTensor(NamedTuple):
         >>> nn.SparseTensor.from_dense(np.eye(3)[None, None]).keys
         array([0, 4, 8], dtype=uint64)
         """
-        dense = np.asarray(dense, np.float32)
+        dense = unmasked(dense, "dense", np.float32)
         keys = np.flatnonzero(dense)
         return cls(keys.astype(np.uint64), dense.ravel()[keys], dense.shape)
 

@@ -16,6 +16,8 @@ pub(in crate::io) struct Extra {
     pub(in crate::io) at: usize,
     /// Scale and offset of a scaled value.
     pub(in crate::io) scaled: Option<(f64, f64)>,
+    /// Whether it is one of the two or three values of a described dimension.
+    pub(in crate::io) is_element: bool,
 }
 
 /// Bytes of data type 1..=10.
@@ -25,7 +27,8 @@ pub(in crate::io) fn is_record(vlr: &Vlr) -> bool {
     vlr.is("LASF_Spec", 4)
 }
 
-/// The described dimensions that fit into the record. Types 11..=30 (deprecated arrays) and 0 are skipped.
+/// The described dimensions that fit into the record. Bytes without a type (0) are skipped. Of the
+/// deprecated types 11..=30, which have two or three values, each value is a dimension: `name0`, `name1`, `name2`.
 pub(in crate::io) fn described<'a>(header: &Header, vlrs: impl IntoIterator<Item = &'a Vlr>) -> (Vec<Extra>, usize) {
     let end = usize::from(header.record_length);
     let mut at = end - header.extra();
@@ -33,26 +36,41 @@ pub(in crate::io) fn described<'a>(header: &Header, vlrs: impl IntoIterator<Item
     let blocks = vlrs.into_iter().filter(|v| is_record(v)).flat_map(|v| v.data.chunks_exact(192));
     for block in blocks {
         let (kind, options) = (block[2], block[3]);
+        let values = match kind {
+            0 => Vec::new(),
+            1..=30 => elements(block),
+            _ => break,
+        };
         let size = match kind {
             0 => usize::from(options),
-            1..=10 => SIZES[usize::from(kind)],
-            11..=30 => SIZES[usize::from((kind - 1) % 10 + 1)] * usize::from((kind - 1) / 10 + 1),
-            _ => break,
+            _ => values.iter().map(|value| size_of(value.kind)).sum(),
         };
         if at + size > end {
             break;
         }
-        if (1..=10).contains(&kind) {
-            let name = String::from_utf8_lossy(block[4..36].split(|&b| b == 0).next().unwrap_or_default()).into_owned();
-            let (scale, offset) = (f64_at(block, 112), f64_at(block, 136));
-            let scale = if options & 8 != 0 { scale } else { 1.0 };
-            let offset = if options & 16 != 0 { offset } else { 0.0 };
-            let scaled = (options & 24 != 0).then_some((scale, offset));
-            list.push(Extra { name, kind, at, scaled });
+        for value in values {
+            let next = at + size_of(value.kind);
+            list.push(Extra { at, ..value });
+            at = next;
         }
-        at += size;
+        at += if kind == 0 { size } else { 0 };
     }
     (list, end - at)
+}
+
+/// The values that a descriptor of a type describes; their positions are not set.
+fn elements(block: &[u8]) -> Vec<Extra> {
+    let (kind, options) = (block[2], block[3]);
+    let name = String::from_utf8_lossy(block[4..36].split(|&b| b == 0).next().unwrap_or_default()).into_owned();
+    let count = usize::from((kind - 1) / 10 + 1);
+    let element = |i: usize| {
+        let scale = if options & 8 != 0 { f64_at(block, 112 + 8 * i) } else { 1.0 };
+        let offset = if options & 16 != 0 { f64_at(block, 136 + 8 * i) } else { 0.0 };
+        let name = if count == 1 { name.clone() } else { format!("{name}{i}") };
+        let scaled = (options & 24 != 0).then_some((scale, offset));
+        Extra { name, kind: (kind - 1) % 10 + 1, at: 0, scaled, is_element: count > 1 }
+    };
+    (0..count).map(element).collect()
 }
 
 impl Extra {
@@ -153,6 +171,41 @@ pub(in crate::io) fn undescribed(mut bytes: usize) -> Vec<u8> {
 mod tests {
     use super::*;
     use crate::io::{self, Edit, WriteOptions};
+
+    #[test]
+    fn the_values_of_an_array_are_dimensions() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, target) = (folder.path().join("a.las"), folder.path().join("b.laz"));
+        let mut builder = las::Builder::from((1, 4));
+        builder.point_format = las::point::Format::new(6).unwrap();
+        builder.point_format.extra_bytes = 14;
+        let mut arrays = vec![0; 2 * 192];
+        // Three floats, and two scaled 8-bit integers.
+        (arrays[2], arrays[192 + 2], arrays[192 + 3]) = (29, 12, 8);
+        arrays[4..10].copy_from_slice(b"normal");
+        arrays[196] = b'q';
+        arrays[192 + 112..][..16].copy_from_slice(&[0.5f64, 10.0].map(f64::to_le_bytes).concat());
+        builder.vlrs.push(las::Vlr { user_id: "LASF_Spec".into(), record_id: 4, description: "".into(), data: arrays });
+        let mut writer = las::Writer::from_path(&path, builder.into_header().unwrap()).unwrap();
+        for i in 0..20u8 {
+            let floats = [0.0, 1.0, 2.0].map(|k| (f32::from(i) + k).to_le_bytes()).concat();
+            let extra_bytes = [floats, vec![i, 0xff]].concat();
+            writer.write_point(las::Point { gps_time: Some(1.0), extra_bytes, ..Default::default() }).unwrap();
+        }
+        writer.close().unwrap();
+        let check = |path: &std::path::Path| {
+            let cloud = io::read(path).unwrap();
+            let value = |name: &str| cloud.column(name).unwrap().values.get(7);
+            assert_eq!(["normal0", "normal1", "normal2", "q0", "q1"].map(value), [7.0, 8.0, 9.0, 3.5, -10.0]);
+        };
+        check(&path);
+        let new = Column::new("normal1", Values::F32(vec![8.0; 20]));
+        io::rewrite(&path, &target, &[Edit::Dimension(new)], &WriteOptions::default()).unwrap();
+        check(&target);
+        let text = folder.path().join("c.ply");
+        io::convert(&path, &text, &io::ConvertParams::default(), &WriteOptions::default()).unwrap();
+        check(&text);
+    }
 
     #[test]
     fn descriptors_in_an_extended_record_are_honoured_and_kept_when_a_dimension_is_added() {

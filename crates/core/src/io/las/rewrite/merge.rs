@@ -148,9 +148,12 @@ fn extras(parts: &[Part], to: u8, vlrs: &mut Vec<Vlr>, notes: &mut Vec<String>) 
     let mut all = Vec::new();
     for part in parts {
         let (list, _) = extra::described(&part.header, &part.vlrs);
-        let named: usize = list.iter().map(|e| extra::size_of(e.kind)).sum();
+        let named: usize = list.iter().filter(|e| !e.is_element).map(|e| extra::size_of(e.kind)).sum();
         if named != part.header.extra() {
-            let reason = format!("{} extra bytes a point have no type; merge needs names", part.header.extra() - named);
+            let reason = format!(
+                "{} extra bytes a point have no type, or several values; merge needs names",
+                part.header.extra() - named
+            );
             return Err(Error::Unsupported { path: part.path.clone(), reason });
         }
         let mut moves = Vec::new();
