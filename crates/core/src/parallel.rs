@@ -1,4 +1,5 @@
-//! The only module with threads: ordered parallel map and fold, cancellation, freeing after it, progress, warnings.
+//! The only module with threads: ordered parallel map and fold, cancellation and the release of memory after it,
+//! progress, warnings.
 //!
 //! Core uses rayon's current thread pool; only the command line and the Python package create one. Results are
 //! collected in the order of the items, so that they are the same bytes for any number of threads.

@@ -1,5 +1,5 @@
-//! What a classifier is to the rest of the program: parameters that learn from samples, and what they learn, which
-//! predicts.
+//! The interface of classifiers: parameters that learn from samples ([`Learner`]), and the trained result, which
+//! predicts ([`Predictor`]).
 //!
 //! A new classifier needs a folder with its [`Learner`] and [`Predictor`], one line in the list of `classifier.rs`, and a
 //! section of parameters in the recipes that offer it.

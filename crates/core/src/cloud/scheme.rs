@@ -1,4 +1,4 @@
-//! The list that the class codes of a cloud belong to, as far as its source tells, and names of its own.
+//! The class list to which the codes of a cloud belong, as far as its source states it, and names of the cloud's own.
 
 use serde::Serialize;
 use std::collections::BTreeMap;

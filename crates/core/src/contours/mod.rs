@@ -1,11 +1,14 @@
 //! Contours: lines along the edges of objects, from the likelihood of each point to lie on one.
 //!
 //! T. Hackel, *Large-scale Machine Learning for Point Cloud Processing*, ETH Zurich, 2018, section 4.5, and T. Hackel,
-//! J. D. Wegner, K. Schindler, *Contour detection in unstructured 3D point clouds*, CVPR 2016: likely points are
-//! thinned to [`seeds`](seeds()), neighbouring seeds are linked by shortest paths in a
-//! [`neighbourhood`](neighbourhood()) graph to an over-complete set of [`Candidate`]s, each with a descriptor that a
-//! classifier turns into a probability, and a random [`Field`] chooses among them. The union of the chosen paths is cut
-//! at junctions and simplified.
+//! J. D. Wegner, K. Schindler, *Contour detection in unstructured 3D point clouds*, CVPR 2016.
+//!
+//! 1. Likely points are thinned to [`seeds`](seeds()).
+//! 2. Shortest paths in a [`neighbourhood`](neighbourhood()) graph link neighbouring seeds: an over-complete set of
+//!    [`Candidate`]s.
+//! 3. A classifier derives a probability from the descriptor of each candidate, and a random [`Field`] chooses among
+//!    them.
+//! 4. The union of the chosen paths is cut at junctions and simplified.
 //!
 //! `Likely -> Candidates -> (probabilities) -> Traced`
 //!

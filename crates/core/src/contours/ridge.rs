@@ -1,10 +1,11 @@
 //! Likely points moved to the edge that they lie beside.
 //!
-//! A classifier rates all points within some distance of an edge alike, so that the likely points form a band. Each is moved across
-//! the band to the mean of those around it, as in U. Ozertem, D. Erdogmus, *Locally defined principal curves and surfaces*,
-//! Journal of Machine Learning Research 12, 2011, which thins the band to a curve. That curve runs inside: half a band beside the
-//! rim of a surface, and between both surfaces of a crease. The edge is where the likely points end on the side that is away from
-//! the surface, and points spread evenly end √3 standard deviations beyond their mean.
+//! A classifier rates all points within some distance of an edge alike, so that the likely points form a band. Each is
+//! moved across the band to the mean of those around it, as in U. Ozertem, D. Erdogmus, *Locally defined principal
+//! curves and surfaces*, Journal of Machine Learning Research 12, 2011, which thins the band to a curve. That curve
+//! does not lie on the edge: at the rim of a surface it runs half the width of the band inside, and at a crease between
+//! the two surfaces. The edge is where the likely points end on the side away from the surface; evenly spread points
+//! end √3 standard deviations beyond their mean.
 
 use super::likely::{Cells, Likely};
 use super::nodes::Nodes;

@@ -1,4 +1,4 @@
-//! The whole way from likelihoods to lines.
+//! Tests of the whole extraction, from likelihoods to lines.
 
 use super::*;
 use crate::cloud::Positions;

@@ -2,7 +2,7 @@
 //! Communications of the ACM 4(4), 1961).
 //!
 //! λ = q + p t with q = trace / 3, p² = Σ(A − q)² / 6, r = det(A − q) / (2 p³) and t³ − 3 t = 2 r. If two eigenvalues
-//! are close, each is accurate only to the square root of the rounding.
+//! are close to each other, each is accurate only to the square root of the rounding error.
 //!
 //! t is 2 cos(acos(r) / 3), taken from a polynomial, so that loops over lanes vectorise.
 

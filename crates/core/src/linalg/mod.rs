@@ -6,8 +6,9 @@
 //! | `jacobi`, [`Sym3::eigen`] | Jacobi's rotations, lanes of `f32` or `f64` | λ and e | features, normals, segments |
 //! | `closed_form` | Smith 1961, lanes of `f64` | λ | optimal neighbourhoods, octree cells, Riemannian graph |
 //!
-//! The closed form is for loops that need no eigenvectors: it has no iterations, but gives eigenvalues that are close only
-//! to half the digits. The tests compare both with nalgebra's Householder and QR iterations.
+//! The closed form is for loops that need no eigenvectors: it has no iterations, but only half of the digits are
+//! correct where two eigenvalues are close to each other. The tests compare both with nalgebra's Householder and QR
+//! iterations.
 
 pub(crate) mod arithmetic;
 pub(crate) mod closed_form;

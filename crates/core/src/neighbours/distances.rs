@@ -1,4 +1,4 @@
-//! What the distances to the nearest neighbours of each point tell, without a table of all neighbours.
+//! Values computed from the distances of each point to its nearest neighbours, without a table of all neighbours.
 
 use super::knn::search::Nearest;
 use super::knn::tree::Tree;

@@ -1,4 +1,5 @@
-//! Layers and optimisers beside the results of torch for the same inputs (`scripts/torch_reference.py`).
+//! Tests that compare layers and optimisers with the results of torch for the same inputs
+//! (`scripts/torch_reference.py`).
 
 use super::arrays::{Array, Arrays};
 use super::dense::{self, DenseConvolution, Grid};

@@ -1,4 +1,4 @@
-//! Buffers that are used again. The system clears each page of fresh memory on its first use, which takes as long as the
+//! Reusable buffers. The system clears each page of fresh memory on its first use, which takes as long as the
 //! arithmetic of a narrow layer.
 
 use super::scalar::Scalar;

@@ -1,5 +1,5 @@
-//! Recipes: the published methods from cloud to labels. Each has a folder whose `mod.rs` reads like the method section of
-//! its paper; its parameters are saved as TOML. What they have in common is [`System`].
+//! Recipes: the published methods from cloud to labels. Each has a folder whose `mod.rs` reads like the method section
+//! of its paper; its parameters are saved as TOML. All methods implement [`System`].
 
 mod auto_context;
 mod builtin;

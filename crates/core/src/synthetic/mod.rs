@@ -4,7 +4,7 @@
 //! first surface. Edges are the creases of the world: lines where two surfaces meet at more than 30 degrees, convex or
 //! concave, such as the ridge of a roof, the frame of a window, a kerb, or where a wall stands on the ground. Only the
 //! parts beside which points were scanned count. The outlines of round or thin bodies (trunks, poles, balls, leaves)
-//! are no edges: they move with the place of the scanner.
+//! are no edges: they depend on the position of the scanner.
 //!
 //! Made for the contours of Hackel, Wegner and Schindler (2016), doi:10.1109/CVPR.2016.178, which need scenes with
 //! known edges.

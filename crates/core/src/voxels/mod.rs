@@ -4,11 +4,12 @@
 //! [`Grid`]) the key of a cell shifted right by 3 is that of the cell of twice the size, so that levels nest: the
 //! pyramid, the octree and the steps of LAS files use it. In rows (`rows`) the three cells side by side along x have
 //! consecutive keys, so that the 27 cells around one are nine searches: supervoxels use it. Squares in plan, and the
-//! voxels of training samples, have the plain numbers of a cell as their key (`cells`), because they may be too many for
-//! 21 bits: the sites of a terrain, the lowest points and the outline of a road, and covered ground use it. Labels and
-//! samples depend on the order of cells, so that none replaces another.
+//! voxels of training samples, have the plain numbers of a cell as their key (`cells`), because they may be too many
+//! for 21 bits: the sites of a terrain, the lowest points and the outline of a road, and covered ground use it. Labels
+//! and samples depend on the order of the cells, so that no kind of key can replace another.
 //!
-//! Only stray points are found by cells of their own in [`cloud`](crate::cloud): without them there is no extent yet.
+//! Only the search for stray points, in [`cloud`](crate::cloud), has cells of its own: as long as stray points are not
+//! known, neither is the extent of the scene.
 
 mod batch;
 mod blocks;

@@ -201,7 +201,7 @@ class PointClassifier(Classifier):
             Weight of each point, 0 or more; points of weight 0 are not learned from. As ``training.weight``, which names a
             column; not for the recipes weak and objects.
         elevation_model : path, optional
-            Ground heights to use instead of those of the road, an ESRI ASCII grid; for the recipe weak.
+            Ground heights to use instead of those of the road, an ESRI ASCII grid in the unit of the cloud; for the recipe weak.
         checkpoint : path, optional
             File that training writes from time to time and goes on from if it exists, to the same model; for the recipes unet and windows.
         progress : bool or callable, optional
@@ -325,7 +325,7 @@ class PointClassifier(Classifier):
         metres_per_unit : float, optional
             Metres per unit of the coordinates; None uses the cloud's own unit, else 1. Degrees are an error.
         elevation_model : path, optional
-            Ground heights to use instead of those of the road, an ESRI ASCII grid; for the recipe weak.
+            Ground heights to use instead of those of the road, an ESRI ASCII grid in the unit of the cloud; for the recipe weak.
         abstain : float, optional
             Points of less confidence, 0..1, get the code of unclassified points; None uses the recipe's.
         divided : bool

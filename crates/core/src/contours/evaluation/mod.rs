@@ -1,10 +1,11 @@
 //! Comparison of contours with reference lines.
 //!
 //! T. Hackel, *Large-scale Machine Learning for Point Cloud Processing*, ETH Zurich, 2018, section 4.6.2: because
-//! contours leave out points that they do not need, what is missing within 3 cm of a true positive, or of what is
-//! already counted as missing, does not count, so that gaps of more than 6 cm do. The text counts false alarms as false
-//! negatives by mistake; here they are false positives. Beyond the source, a line of the reference counts as found only where
-//! a found line passes beside it: the tolerance acts across the line, so that it does not shorten gaps.
+//! contours leave out points that they do not need, a missing point does not count within 3 cm of a true positive or of
+//! another missing point that has been counted. Only gaps of more than 6 cm therefore count. The text counts false
+//! alarms as false negatives by mistake; here they are false positives. Beyond the source, a line of the reference
+//! counts as found only where a found line passes beside it: the tolerance acts across the line, so that it does not
+//! shorten gaps.
 
 mod candidates;
 mod lines;

@@ -1,9 +1,10 @@
 //! The random field that chooses contours among overlapping candidates.
 //!
 //! T. Hackel, *Large-scale Machine Learning for Point Cloud Processing*, ETH Zurich, 2018, section 4.5.2, equations 4.7
-//! and 4.8: every candidate is a variable, and a contour that does not go on at one of its ends, or at both, costs
-//! more. Beyond the source, only candidates that leave a seed at some angle to each other go on there in each other, not
-//! those that overlap, and every contour may cost the same amount more, or less.
+//! and 4.8: every candidate is a variable, and a contour without a continuation at one of its ends, or at both, costs
+//! more. Beyond the source, two candidates continue each other at a seed only if they leave it at some angle to each
+//! other, so that candidates that overlap do not; and a constant cost (`bias`), positive or negative, can be added to
+//! every contour.
 
 mod exhaustive;
 mod icm;

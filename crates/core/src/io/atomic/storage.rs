@@ -1,4 +1,4 @@
-//! The file being written, which is brought to the disk while it grows: at the end less is left to wait for.
+//! The file being written. It is synced to the disk while it grows, so that the final sync takes less time.
 
 use super::step;
 use std::fs::File;

@@ -1,7 +1,7 @@
 //! Writing PLY with vertices and edges, as MeshLab, CloudCompare and Blender read it.
 //!
-//! Lines share no vertices, so that a vertex has the colour and the confidence of its edges: readers take them from
-//! there, and some refuse edges that have more than two numbers of vertices.
+//! Lines share no vertices, so that colour and confidence of a line can be stored at its vertices, where readers look
+//! for them: some readers refuse edges with more properties than the numbers of their two vertices.
 
 use super::Drawing;
 use crate::error::{Error, Result};

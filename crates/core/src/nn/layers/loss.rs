@@ -1,4 +1,4 @@
-//! Soft-max, cross-entropy, and the difference of two views of the same thing.
+//! Soft-max, cross-entropy, and the difference between the probabilities of two views of the same points.
 
 use super::BLOCK;
 use crate::nn::scalar::Scalar;

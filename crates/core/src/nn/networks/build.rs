@@ -1,4 +1,4 @@
-//! The parameters of a network at the start.
+//! The initial parameters of a network.
 
 use crate::error::{Error, Result};
 use crate::nn::parameters::{ParameterId, Parameters, Role};

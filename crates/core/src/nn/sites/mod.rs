@@ -1,7 +1,7 @@
 //! Sparse tensors whose occupied positions (sites) have all channels: sites, kernel maps, convolution.
 //!
-//! What users of spconv and MinkowskiEngine know: sub-manifold convolution (B. Graham, M. Engelcke, L. van der Maaten,
-//! *3D semantic segmentation with submanifold sparse convolutional networks*, CVPR 2018,
+//! The operations are those of spconv and MinkowskiEngine: sub-manifold convolution (B. Graham, M. Engelcke, L. van der
+//! Maaten, *3D semantic segmentation with submanifold sparse convolutional networks*, CVPR 2018,
 //! doi:10.1109/CVPR.2018.00961), strided and transposed convolution, pooling.
 
 mod block;

@@ -1,4 +1,4 @@
-//! Keys sorted by those bits only in which they differ: of scattered keys of 64 bits these are a few dozen.
+//! Sorts keys by only those bits in which they differ: a few dozen of the 64, even for scattered keys.
 
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, watched};

@@ -1,4 +1,4 @@
-//! What training needs to go on from where it stopped: parameters, and what the optimiser remembers.
+//! What training needs to resume: the parameters and the state of the optimiser.
 
 use super::OptimiserState;
 use crate::error::{Error, Result};

@@ -1,5 +1,5 @@
-//! Cars: a classifier beside the two stages of a trained model that learns which of the points that the model takes for
-//! vegetation or buildings are cars. What the stages say does not change.
+//! Cars: a classifier beside the two stages of a trained model. It learns which of the points that the model classifies
+//! as vegetation or building are cars; the results of the two stages do not change.
 
 use super::AutoContextRecipe;
 use super::classify::first_stage;

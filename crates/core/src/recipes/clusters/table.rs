@@ -1,4 +1,4 @@
-//! Features of points from clusters, and from spheres whose radius the clusters give.
+//! Features of points from clusters, and from spheres whose radii are multiples of the clusters' radius.
 
 use super::sets::{ClusterSet, spheres};
 use crate::cloud::{Cloud, MetricCloud, Points};

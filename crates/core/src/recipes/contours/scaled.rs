@@ -1,4 +1,4 @@
-//! Clouds scaled such that their voxels have an edge of 0.1 m, for which all other lengths are made.
+//! Clouds scaled such that their voxels have an edge of 0.1 m, to which all other lengths in the settings refer.
 
 use super::ContoursRecipe;
 use crate::cloud::{Cloud, MetricCloud};

@@ -1,4 +1,4 @@
-//! What lies between points and lines: rated points and rated candidates.
+//! The intermediate results between points and lines: rated points and rated candidates.
 
 use super::ContoursRecipe;
 use super::classes::codes_of;

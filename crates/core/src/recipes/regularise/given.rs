@@ -1,4 +1,4 @@
-//! Regularisation of a cloud whose class probabilities stand in dimensions, from whatever program.
+//! Regularisation of a cloud with dimensions that hold class probabilities, from any program.
 
 use super::{Probabilities, RegulariseParams, regularise};
 use crate::classes::ClassTable;

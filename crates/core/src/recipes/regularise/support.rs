@@ -1,4 +1,5 @@
-//! What labels are made consistent on: the graph of the points, or segments. Independent of the probabilities.
+//! The structure on which labels are made consistent: the graph of the points, or segments. It does not depend on the
+//! probabilities.
 
 use super::field::field;
 use super::on_segments::Segments;

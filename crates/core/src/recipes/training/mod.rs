@@ -1,5 +1,5 @@
-//! What training of every method begins and ends with: the labelled clouds in metres, their classes, and counts for the
-//! report.
+//! The first and the last steps in the training of every method: the labelled clouds in metres, their classes, and
+//! counts for the report.
 
 pub(in crate::recipes) mod blocks;
 pub(in crate::recipes) mod checkerboard;

@@ -1,5 +1,5 @@
-//! Classification: the cells of one square after the other, with a margin as wide as the network sees, so that the
-//! squares leave no trace.
+//! Classification: the cells of one square after the other, with a margin as wide as the receptive field of the
+//! network, so that the result does not depend on the squares.
 
 use super::UNetRecipe;
 use super::cells::{Cells, Gathered};

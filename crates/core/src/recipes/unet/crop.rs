@@ -1,4 +1,4 @@
-//! Parts of the training clouds, each seen differently every time: turned, mirrored, scaled, thinned, shaken.
+//! Parts of the training clouds, augmented differently each time: turned, mirrored, scaled, thinned, jittered.
 
 use super::cells::Gathered;
 use super::scenes::TrainingScene;

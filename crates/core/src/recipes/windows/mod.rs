@@ -1,7 +1,7 @@
 //! The recipe `windows`: a network that looks at the occupied cells around a point at five scales.
 //!
-//! The three-dimensional convolutional network that T. Hackel, *Large-scale machine learning for point cloud processing*,
-//! ETH Zurich 2018, section 5.4.3, compares with; `docs/windows.md` describes it. The network itself is
+//! The three-dimensional convolutional network with which T. Hackel, *Large-scale machine learning for point cloud
+//! processing*, ETH Zurich 2018, section 5.4.3, compares; `docs/windows.md` describes it. The network itself is
 //! [`crate::nn::networks::WindowNet`].
 
 mod classify;

@@ -1,8 +1,9 @@
-//! Region growing on points with the plane of the region as reference, and on from point to point without one.
+//! Region growing on points: planar regions, which are compared with the plane of the region, and connected sets, which
+//! grow from point to point without a plane.
 //!
 //! F. Poux, C. Mattes, L. Kobbelt, *Unsupervised segmentation of indoor 3D point cloud: application to object-based
-//! classification*, ISPRS Archives XLIV-4/W1, 2020, name the parameters ε, τ, α; order of the seeds and growth as in
-//! Rabbani et al. 2006.
+//! classification*, ISPRS Archives XLIV-4/W1, 2020, name the parameters ε, τ, α; the order of the seeds and the growth
+//! are as in Rabbani et al. 2006.
 
 use super::grow::seeds;
 use super::result::GrownRegions;

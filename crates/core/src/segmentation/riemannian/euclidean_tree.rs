@@ -1,9 +1,9 @@
 //! The Euclidean minimum spanning tree of points.
 //!
-//! Borůvka's algorithm (O. Borůvka 1926): every tree of the forest is connected to its nearest other tree, until there
-//! is one. The nearest point of another tree is taken from the nearest neighbours where these decide it, otherwise from
-//! a bounding-box hierarchy in which boxes with points of the same tree only are skipped. Edges are ordered by (squared
-//! distance, ends), so that no two are equal.
+//! Borůvka's algorithm (O. Borůvka 1926): every tree of the forest is connected to its nearest other tree, until only
+//! one tree is left. The nearest point of another tree is taken from the nearest neighbours where these decide it,
+//! otherwise from a bounding-box hierarchy in which boxes with points of the same tree only are skipped. Edges are
+//! ordered by (squared distance, ends), so that no two are equal.
 
 use super::boxes::{Bounds, Boxes, Visitor};
 use crate::cloud::Positions;

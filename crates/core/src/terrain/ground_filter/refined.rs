@@ -1,4 +1,5 @@
-//! The refined filter: the ground that a morphological filter finds, corrected by the ground itself.
+//! The refined filter: the slope of a first terrain decides again which cells are objects, and cells that lie on the
+//! resulting ground come back.
 
 use super::GroundParams;
 use super::blur::blurred;

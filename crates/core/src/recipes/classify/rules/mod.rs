@@ -1,6 +1,6 @@
-//! What the classes of a model become in the end: vegetation by its height, buildings without height ground, isolated
-//! points noise, wires wires. Cars, water, points that the model does not know and those that the surroundings contradict
-//! become unclassified.
+//! Rules that change the classes of a model afterwards: vegetation is divided by its height, buildings without height
+//! become ground, isolated points become noise, and wires get a class of their own. Cars, water, points of low
+//! confidence and those that the surroundings contradict become unclassified.
 
 mod cars;
 mod decks;

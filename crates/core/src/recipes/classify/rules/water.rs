@@ -1,5 +1,5 @@
-//! Rivers, canals and lakes, which the trees take for ground: level, not above their shores, and with few returns at least
-//! in parts, for water mirrors the pulses away.
+//! Rivers, canals and lakes, which the trees take for ground: level, not above their shores, and with few returns at
+//! least in parts, because water reflects the pulses away.
 
 use super::{GROUND, block, cell_edge, plan_cell, quantile};
 use crate::cloud::Points;

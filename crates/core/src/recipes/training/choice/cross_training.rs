@@ -1,4 +1,4 @@
-//! Two classifiers, each of the samples in the squares of one colour.
+//! Two classifiers, each trained on the samples in the squares of one colour.
 
 use crate::classes::ClassTable;
 use crate::classification::{Classifier, Samples};

@@ -1,4 +1,4 @@
-//! The rule of the choice: the largest gain that is no accident and harms no cloud.
+//! The rule of the choice: the largest gain that exceeds its standard error and harms no cloud.
 
 use super::Candidate;
 use super::report::{CandidateScore, ChoiceReport};

@@ -1,4 +1,4 @@
-//! How far training has come, and the file from which it goes on to the same bytes.
+//! The progress of a training, and the checkpoint file from which it resumes with bit-identical results.
 
 use crate::error::{Error, Result};
 use crate::nn::arrays::{Array, Arrays};
