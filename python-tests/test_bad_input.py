@@ -278,6 +278,7 @@ EDGES = [[0, 1], [1, 2]]
 COLUMN = masked(np.ones(300))
 ROWS = masked(XYZ, 5, 2)
 TENSOR = nn.SparseTensor.from_dense(np.eye(3)[None, None])
+KERNEL = np.ones((1, 1, 3, 3))
 RASTER = terrain.Raster(masked(np.ones((3, 3)), 1, 1), (0.0, 3.0), 1.0)
 FOREST = RandomForestClassifier(n_estimators=2).fit(XYZ, CODES)
 MASKED = {
@@ -339,6 +340,13 @@ MASKED = {
         lambda: nn.submanifold_convolution([[0]], [[1.0]], masked(np.ones((3, 1, 1)), 0, 0, 0)),
         lambda: nn.sparse_convolution(TENSOR, masked(np.ones((1, 1, 3, 3)), 0, 0, 0, 0)),
     ],
+    "tensor.keys": [
+        lambda: nn.sparse_convolution(TENSOR._replace(keys=masked(TENSOR.keys)), KERNEL),
+        lambda: nn.sparse_convolution_gradient(TENSOR._replace(keys=masked(TENSOR.keys)), KERNEL, TENSOR),
+    ],
+    "tensor.values": [lambda: nn.sparse_convolution(TENSOR._replace(values=masked(TENSOR.values)), KERNEL)],
+    "gradient.keys": [lambda: nn.sparse_convolution_gradient(TENSOR, KERNEL, TENSOR._replace(keys=masked(TENSOR.keys)))],
+    "gradient.values": [lambda: nn.sparse_convolution_gradient(TENSOR, KERNEL, TENSOR._replace(values=masked(TENSOR.values)))],
     "features": [lambda: nn.submanifold_convolution([[0]], masked([[1.0]], 0, 0), np.ones((3, 1, 1)))],
     "strengths": [lambda: scansion.contours.baseline(XYZ, COLUMN)],
     "line 1": [lambda: scansion.contours.labels(XYZ, [XYZ[:2], ROWS], voxel=1.0)],
@@ -352,3 +360,10 @@ MASKED = {
 def test_masked_values_are_refused_not_used(name, call):
     with pytest.raises(ValueError, match=rf"^{name}: found 1 masked values, expected none: \.filled\(value\)"):
         call()
+
+
+@pytest.mark.parametrize("rows", [[[0, 1, 2], [np.ma.masked, 0, 0]], [[0, 1, 2], list(np.ma.array([5, 6, 7], mask=[0, 1, 0]))]])
+def test_masked_values_in_lists_of_lists_are_refused(rows):
+    with pytest.warns(UserWarning, match="masked element"), pytest.raises(ValueError, match="coordinates: found 1 masked values"):
+        scansion.PointCloud(rows)
+    assert np.isnan(scansion.PointCloud([[0, 1, 2], [np.nan, 0, 0]]).x[1])

@@ -1,10 +1,13 @@
 """Module `io`: every version and point format of LAS with laspy, the other formats with their own libraries, and the commands
 on files."""
 
+import re
+
 import laspy
 import numpy as np
 import pytest
 import scansion
+from conftest import ROOT
 
 N = 500
 VERSIONS = {"1.1": range(2), "1.2": range(4), "1.3": range(6), "1.4": range(11)}
@@ -371,3 +374,91 @@ def test_columns_of_text_are_those_that_were_named(tmp_path):
     (tmp_path / "a.txt").write_text("1 2 3\n")
     with pytest.raises(ValueError, match="it has none$"):
         scansion.read(tmp_path / "a.txt", ["Nope"])
+
+
+def first_block(*given, **named):
+    return next(scansion.blocks(*given, **named))
+
+
+@pytest.mark.parametrize("read", [scansion.read, first_block])
+def test_columns_of_text_have_the_names_of_the_file_or_ours(tmp_path, read):
+    path = tmp_path / "a.csv"
+    path.write_text("1 2 3 4 5 6 7\n")
+    names = ["x", "y", "z", "r", "g", "b", "label"]
+    ours = ["Red", "Green", "Blue", "Classification"]
+    assert read(path, names, text_columns=names).columns == read(path, ours, text_columns=names).columns == ours
+    names = ["easting", "northing", "height", "r", "My_Value", "b", "label"]
+    assert read(path, names, text_columns=names).columns == ["Red", "My_Value", "Blue", "Classification"]
+    found = read(path, ["Easting", "myvalue"], text_columns=names)
+    assert found.columns == ["My_Value"] and found["my_value"].tolist() == [5]
+    with pytest.raises(ValueError, match="columns: found 'elevation', "):
+        read(path, ["elevation"], text_columns=names)
+    path.write_text("# a note\n\"easting\",northing,height,i,My_Value\n1,2,3,4,5\n")
+    assert read(path, ["easting", "i"]).columns == ["Intensity"]
+    assert read(path, ["HEIGHT", "myvalue"]).columns == ["My_Value"]
+    for absent in ("elevation", "x_2", "easting_2", "i_2"):
+        with pytest.raises(ValueError, match=f"columns: found '{absent}'.*: Intensity, My_Value$"):
+            read(path, [absent, "i"])
+
+
+def test_names_are_translated_in_files_as_the_core_does(tmp_path):
+    table = (ROOT / "crates/core/src/io/table/known.rs").read_text()
+    names = re.findall(r'^ *\("(\w+)", .*\),$', table, re.MULTILINE)
+    assert len(names) > 30
+    for name in names:
+        (tmp_path / "a.csv").write_text(f"x,y,z,{name}\n1,2,3,4\n")
+        assert scansion.read(tmp_path / "a.csv", [name]).columns == scansion.read(tmp_path / "a.csv").columns != [name]
+
+
+@pytest.mark.parametrize("name", ["a.las", "a.laz", "a.ply", "a.pcd", "a.npz", "a.csv"])
+@pytest.mark.parametrize("read", [scansion.read, first_block])
+def test_capitals_and_underscores_of_columns_do_not_matter(tmp_path, name, read):
+    values = {"ScanAngle": np.array([0.0, 6.0, 12.0], np.float32), "Height": np.ones(3), "Red": np.array([1, 2, 3], np.uint16)}
+    scansion.write(tmp_path / name, scansion.PointCloud(np.eye(3), **values, Green=values["Red"], Blue=values["Red"]))
+    found = read(tmp_path / name, ["scan_angle", "height", "r"])
+    assert sorted(found.columns) == ["Height", "Red", "ScanAngle"]
+    np.testing.assert_allclose(found["scan_angle"], values["ScanAngle"], atol=0.01)
+    assert found["Red"].tolist() == [1, 2, 3]
+
+
+def test_a_column_comes_without_others_that_its_name_may_mean(tmp_path):
+    header = laspy.LasHeader(version="1.4", point_format=7)
+    header.add_extra_dims([laspy.ExtraBytesParams("r", "f4"), laspy.ExtraBytesParams("a0", "f4")])
+    header.add_extra_dims([laspy.ExtraBytesParams("a", "2u2")])
+    las = laspy.LasData(header)
+    las.X, las.r, las.a0, las.a = [0, 1], [8, 9], [3, 4], [[5, 6], [7, 8]]
+    las.write(tmp_path / "a.las")
+    for read in (scansion.read, first_block):
+        assert read(tmp_path / "a.las", ["r"])["r"].tolist() == [8, 9]
+        for names in (["r"], ["a0"], ["a0_2"], ["a1", "r"]):
+            assert sorted(read(tmp_path / "a.las", names).columns) == names
+        assert read(tmp_path / "a.las", ["a0_2"])["a0_2"].tolist() == [5, 7]
+        with pytest.raises(ValueError, match="found 'a0_3'"):
+            read(tmp_path / "a.las", ["a0_3"])
+    theirs, ours = scansion.PointCloud.from_laspy(las), scansion.read(tmp_path / "a.las")
+    assert theirs.columns[-4:] == ours.columns[-4:] == ["r", "a0", "a0_2", "a1"]
+    for name in ours.columns[-4:]:
+        np.testing.assert_array_equal(theirs[name], ours[name])
+
+
+def test_files_without_points_need_no_columns(tmp_path):
+    (tmp_path / "a.pts").write_text("0\n")
+    assert len(scansion.read(tmp_path / "a.pts", ["Intensity"])) == 0
+    assert len(scansion.read(tmp_path / "a.pts", ["quality"], text_columns=["x", "y", "z", "quality"])) == 0
+    assert list(scansion.blocks(tmp_path / "a.pts", columns=["Intensity"])) == []
+
+
+@pytest.mark.parametrize("kind", ["3f4", "2i2", "3f8"])
+def test_arrays_of_laspy_are_columns(tmp_path, kind):
+    header = laspy.LasHeader(version="1.4", point_format=6)
+    header.add_extra_dim(laspy.ExtraBytesParams("normal", kind))
+    las = laspy.LasData(header)
+    width = int(kind[0])
+    las.X, las.normal = np.arange(5), np.arange(5 * width).reshape(5, width)
+    las.write(tmp_path / "a.las")
+    cloud, ours = scansion.PointCloud.from_laspy(las), scansion.read(tmp_path / "a.las")
+    assert cloud.columns[-width:] == [f"normal{i}" for i in range(width)]
+    for i in range(width):
+        np.testing.assert_array_equal(cloud[f"normal{i}"], np.arange(5) * width + i)
+        np.testing.assert_array_equal(ours[f"normal{i}"], cloud[f"normal{i}"])
+        assert ours[f"normal{i}"].dtype == cloud[f"normal{i}"].dtype == np.dtype(kind[1:])

@@ -203,3 +203,21 @@ def test_numbers_do_not_switch_filters_of_outliers_on(tmp_path):
             filters.filter_file(tmp_path / "a.las", tmp_path / "b.las", **wrong)
     for off in (False, np.False_, None):
         assert filters.filter_file(tmp_path / "a.las", tmp_path / "b.las", radius=off)["steps"] == []
+
+
+def test_the_ground_is_found_anew_if_an_option_says_how(tmp_path):
+    xyz = noisy()
+    cloud = scansion.PointCloud(xyz, HeightAboveGround=np.full(len(xyz), 50.0), Classification=np.full(len(xyz), 1, np.uint8))
+    scansion.write(tmp_path / "a.las", cloud)
+
+    def kept(**options):
+        return filters.filter_file(tmp_path / "a.las", tmp_path / "b.las", height=(0, 5), **options)["kept"]
+
+    with pytest.warns(UserWarning, match="no point is left"):
+        assert kept() == 0
+    anew = [{"ground": "filter"}, {"cell": 1}, {"cell": 1.0}, {"cell": 0.5}, {"noise": [7]}, {"slope": 0.2}, {"window": 20.0}]
+    for options in [*anew, {"wall": 2.0}]:
+        assert kept(**options) > len(xyz) / 4, options
+        with pytest.raises(ValueError, match="ground, cell, noise, slope, window and wall need height"):
+            filters.filter_file(tmp_path / "a.las", tmp_path / "b.las", **options)
+    assert kept(cell=1) == kept(ground="filter")

@@ -260,7 +260,7 @@ def test_seeds_reach_the_clusters(village):
     "options",
     [
         {"k_min": 20.5},
-        {"k_min": 20.0},
+        {"k_min": np.inf},
         {"k_min": "20"},
         {"random_state": 1.5},
         {"random_state": -1},
@@ -273,4 +273,8 @@ def test_numbers_of_segmentation_are_not_cut(village, options):
         with pytest.raises(ValueError, match=f"^{name}: found .*, expected a whole number"):
             call(village[0], **options)
     numbers = {"k_min": np.int32(20), "random_state": np.uint8(3)}
-    assert scansion.segment(village[0], **numbers).report["segments"] > 0
+    found = scansion.segment(village[0], **numbers)
+    assert found.report["segments"] > 0
+    floats = {"k_min": np.float64(20), "random_state": 3.0}
+    assert np.array_equal(scansion.segment(village[0], **floats).cluster_id, found.cluster_id)
+    assert scansion.segment(village[0], k_min=120.0).report == scansion.segment(village[0], k_min=120).report

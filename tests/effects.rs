@@ -1,6 +1,6 @@
 //! Options have an effect in every command that takes them, and values that do not fit are not changed in silence.
 
-use scansion_core::cloud::{Cloud, Column, Values, names};
+use scansion_core::cloud::{Cloud, Column, Values, crs, names};
 use scansion_core::io::{self, WriteOptions};
 use scansion_tests::street;
 use std::path::Path;
@@ -158,6 +158,22 @@ fn a_lost_reference_system_is_told_by_every_command() {
         let text = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success() && text.contains("not kept: the coordinate reference system"), "{text}");
     }
+    let told = |input: &str, product: &str| {
+        let output = PROGRAM.run(f, &["terrain", input, "--ground-filter", "--overwrite", "-o", product]);
+        assert!(output.status.success());
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    assert!(!told("a.laz", "a.tif").contains("reference system"));
+    assert!(told("a.laz", "a.asc").contains(".asc files have no reference system"));
+    // A system that GeoTIFF cannot hold is warned of; one that only tells a unit is none.
+    let own = r#"PROJCRS["own",BASEGEOGCRS["WGS 84",DATUM["WGS 84",ELLIPSOID["WGS 84",6378137,298.257223563]]],CS[Cartesian,2],LENGTHUNIT["metre",1]]"#;
+    for (name, crs, lost) in [("own.laz", own.to_string(), true), ("feet.laz", crs::local(0.3048), false)] {
+        cloud.crs = Some(crs);
+        save(f, name, &cloud);
+        for product in ["b.tif", "b.asc"] {
+            assert_eq!(told(name, product).contains("reference system"), lost, "{name} {product}");
+        }
+    }
 }
 
 #[test]
@@ -283,6 +299,11 @@ fn training_reports_its_trials_in_every_format() {
     let weak = ["--weak", "--per-class", "20", "--grid-strength", "0.5,1"];
     let told = train(&[&csv[..2], &weak[..]].concat());
     assert!(told.contains("\n\nstrength,accuracy\n0.5,"), "{told}");
+    // The folds are those of both trials.
+    let strengths = |folds: &[&str]| train(&[&["--format", "json"], &weak[..], folds].concat());
+    let [few, many] = ["2", "9"].map(|k| strengths(&["--cross-validate", k, "--block", "4"]));
+    let scores = |text: &str| serde_json::from_str::<serde_json::Value>(text).unwrap()["strengths"].clone();
+    assert!(scores(&few).is_array() && scores(&few) != scores(&many), "{few} {many}");
 }
 
 #[test]
@@ -296,6 +317,7 @@ fn options_without_effect_are_refused() {
         (&["--recipe", "objects", "--grid-strength", "3"], "does not try any"),
         (&["--grid-strength", "3"], "does not try any"),
         (&["--set", "features.metres_per_unit=1", "--unit", "0.3048"], "metres_per_unit = 1"),
+        (&["--recipe", "weak", "--checkpoint", "c.bin"], "writes none"),
     ] {
         let text = fails(f, &[&train[..], rest].concat(), 2);
         assert!(text.contains(said), "{rest:?}: {text}");
@@ -326,7 +348,7 @@ fn the_filter_finds_the_ground_as_it_is_told() {
         io::read(&f.join("o.laz")).unwrap().len()
     };
     assert_eq!(filter(&[]), 0);
-    assert!(filter(&["--ground-filter"]) > n / 4);
+    assert!(filter(&["--ground-filter"]) > n / 4 && filter(&["--cell", "1"]) > n / 4);
     // Class 7 is noise in ASPRS codes, which `--scheme` says these are not. Below all else, it is no ground then.
     let classes = Values::U8((0..n).map(|i| if i % 2 == 0 { 7 } else { 2 }).collect());
     cloud.set_column(Column::new(names::CLASSIFICATION, classes)).unwrap();

@@ -8,9 +8,9 @@ use std::path::PathBuf;
 /// How the ground is found.
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct GroundArgs {
-    /// Edge of a cell, metres
-    #[arg(long, value_name = "METRES", default_value_t = 1.0)]
-    pub(crate) cell: f64,
+    /// Edge of a cell, metres [default: 1]
+    #[arg(long, value_name = "METRES")]
+    pub(crate) cell: Option<f64>,
     /// Classes of the ground [default: 2 if there are such points, else the ground filter]
     #[arg(long, value_name = "CODES", value_delimiter = ',', value_parser = class_code, conflicts_with = "ground_filter")]
     pub(crate) ground_classes: Vec<u8>,

@@ -32,7 +32,7 @@ pub(crate) fn run(args: &Filter, context: &Context<'_>) -> std::result::Result<(
 /// Whether any setting about the ground is given.
 fn finds_ground(args: &GroundArgs) -> bool {
     let GroundArgs { cell, ground_classes, ground_filter, window, slope, wall, noise_classes, .. } = args;
-    let numbers = [window, slope, wall].into_iter().any(Option::is_some) || (cell - 1.0).abs() > 0.0;
+    let numbers = [cell, window, slope, wall].into_iter().any(Option::is_some);
     numbers || !ground_classes.is_empty() || *ground_filter || noise_classes.is_some()
 }
 

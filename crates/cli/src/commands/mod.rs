@@ -36,7 +36,7 @@ use scansion_core::classes::preset;
 use scansion_core::cloud::{ClassNames, Cloud, CodeScheme, OwnClass};
 use scansion_core::io::run::{Rules, expect, run};
 use scansion_core::io::salvage::Losses;
-use scansion_core::io::{ReadOptions, RewriteReport, WriteOptions};
+use scansion_core::io::{Georeference, ReadOptions, RewriteReport, WriteOptions};
 use scansion_core::parallel::Monitor;
 use std::path::Path;
 
@@ -118,7 +118,7 @@ impl Context<'_> {
     /// Says that files of this format have no reference system, if the cloud has one.
     pub(crate) fn tell_no_place(&self, output: &Path, cloud: &Cloud) {
         let extension = output.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-        if cloud.crs.is_some() && ["asc", "dxf", "obj", "ply"].contains(&&extension[..]) {
+        if Georeference::of(cloud).is_known() && ["asc", "dxf", "obj", "ply"].contains(&&extension[..]) {
             self.printer.note(&format!("{}: .{extension} files have no reference system", output.display()));
         }
     }

@@ -3,6 +3,7 @@
 use crate::args::RecipeArgs;
 use crate::exit_code::Failure;
 use globset::{GlobBuilder, GlobSet};
+use scansion_core::cloud::crs::same_length;
 use scansion_core::io::read_ascii_grid;
 use scansion_core::parallel::Monitor;
 use scansion_core::recipes::{AnyRecipe, Model, PyramidRecipe, default_model};
@@ -44,7 +45,7 @@ pub(crate) fn recipe(args: &RecipeArgs) -> Result<PyramidRecipe> {
 /// Fails if `--unit` differs from the unit that the recipe states, which clouds of a trained model would have too.
 pub(crate) fn check_unit(recipe: Option<f64>, given: Option<f64>) -> std::result::Result<(), Failure> {
     match (recipe, given) {
-        (Some(recipe), Some(given)) if (recipe - given).abs() > f64::EPSILON * recipe => {
+        (Some(recipe), Some(given)) if !same_length(recipe, given) => {
             Err(Failure::Usage(format!("--unit {given}: the recipe says metres_per_unit = {recipe}; give one of them")))
         }
         _ => Ok(()),

@@ -79,7 +79,8 @@ pub(crate) fn product_params(args: &GroundArgs) -> Result<ProductParams> {
         wall: args.wall.unwrap_or(own.wall),
         ..own
     };
-    Ok(ProductParams { cell: args.cell, ground, filter, noise, ..ProductParams::default() })
+    let own = ProductParams::default();
+    Ok(ProductParams { cell: args.cell.unwrap_or(own.cell), ground, filter, noise, ..own })
 }
 
 /// The ground of a cloud; tells how it was found, and of the cloud's oddities.

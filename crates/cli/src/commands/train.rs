@@ -19,7 +19,9 @@ use std::path::{Path, PathBuf};
 pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
     Model::check_output(&args.output)?;
     if let (Some(model), Some(code)) = (&args.add_cars_to, args.cars) {
-        return add_cars(args, &sources::model(Some(model))?, code, context);
+        let model = sources::model(Some(model))?;
+        sources::check_unit(model.fitted.recipe().metres_per_unit(), context.unit)?;
+        return add_cars(args, &model, code, context);
     }
     let mut recipe = recipe(args)?;
     sources::check_unit(recipe.metres_per_unit(), context.unit)?;
@@ -31,6 +33,9 @@ pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
         elevation: sources::elevation(args.elevation_model.as_deref(), &context.monitor)?,
         checkpoint: args.checkpoint.clone(),
     };
+    // A cross-validation of the whole recipe needs nothing of its training.
+    let alone = TrainOptions { folds: None, ..options.clone() };
+    recipe.check_options(&alone)?;
     if let Some(checkpoint) = &options.checkpoint {
         run::goes_on_from(checkpoint);
         io::check_output(checkpoint)?;

@@ -134,6 +134,11 @@ pub fn wkt_of(code: u16) -> Option<String> {
     Some(line.1.to_string())
 }
 
+/// Whether a text tells more than the unit, as [`local`] does.
+pub fn is_place(crs: &str) -> bool {
+    !crs.starts_with("LOCAL_CS[\"unknown\"")
+}
+
 /// A local system in WKT 1 that tells only the metres per unit of x and y.
 pub fn local(metres: f64) -> String {
     let name = LinearUnit::of(metres).map_or("unit", |unit| unit.name);

@@ -12,7 +12,7 @@ pub struct Confusion {
     skipped: u64,
     /// Codes of the classes that means run over; `None`: those of the truth.
     means: Option<Vec<u8>>,
-    /// Code of the points that the prediction leaves open, if it is not 0.
+    /// Code of the points that the prediction leaves open, if there are any.
     open: Option<u8>,
 }
 
@@ -68,12 +68,12 @@ impl Confusion {
         let mut seen = [false; 256];
         truth.iter().chain(predicted).flatten().for_each(|&code| seen[usize::from(code)] = true);
         let free = std::iter::once(0u8).chain((1..=255).rev()).find(|&code| !seen[usize::from(code)]);
-        let open = match (free, predicted.iter().any(Option::is_none)) {
-            (None, true) => return Err(Error::input("no code is left for the points that the prediction leaves open")),
-            (free, _) => free.unwrap_or_default(),
+        let open = match (predicted.iter().any(Option::is_none), free) {
+            (false, _) => None,
+            (true, Some(free)) => Some(free),
+            (true, None) => return Err(Error::input("no code is left for the points that the prediction leaves open")),
         };
-        let filled: Vec<u8> = predicted.iter().map(|p| p.unwrap_or(open)).collect();
-        let open = Some(open).filter(|&open| open != 0);
+        let filled: Vec<u8> = predicted.iter().map(|p| p.unwrap_or(open.unwrap_or_default())).collect();
         Ok(Self { open, ..Self::from_options(truth, &filled)? }.called(|class| class.name))
     }
 
@@ -203,7 +203,13 @@ mod tests {
         assert_eq!((c.count(0, 0), c.count(0, 2), c.count(1, 1), c.points(), c.skipped()), (1, 1, 1, 3, 1));
         assert_eq!(c.classes().classes()[2].name, "no prediction");
         let usual = Confusion::from_partial(&[Some(2), Some(6)], &[Some(2), None]).unwrap();
-        assert_eq!(usual, Confusion::from_labels(&[2, 6], &[2, 0], &[]).unwrap());
+        let called = usual.clone().named(CodeScheme::Asprs, &ClassNames::new());
+        for confusion in [&usual, &called] {
+            assert_eq!(confusion.classes().classes()[0].name, "no prediction");
+            assert_eq!((confusion.count(1, 1), confusion.count(2, 0)), (1, 1));
+        }
+        let complete = Confusion::from_partial(&[Some(2), None], &[Some(2), Some(6)]).unwrap();
+        assert_eq!(complete, Confusion::from_options(&[Some(2), None], &[2, 6]).unwrap());
     }
 
     #[test]

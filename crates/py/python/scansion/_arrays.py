@@ -30,18 +30,26 @@ def unmasked(values: Any, name: str, dtype: Any = None) -> NDArray[Any]:
     Traceback (most recent call last):
     ValueError: labels: found 1 masked values, expected none: .filled(value) gives them one, .compressed() leaves them out
     """
-    count = _masked(values)
+    _refuse_masked(values, name, _masked(values))
+    array = np.asarray(values, dtype)
+    # numpy makes NaN of masked values in lists of lists; to look for them takes longer than to make the array.
+    if isinstance(values, (list, tuple)) and array.dtype.kind == "f" and np.isnan(array).any():
+        _refuse_masked(values, name, _masked(values, deep=True))
+    return array
+
+
+def _refuse_masked(values: Any, name: str, count: int) -> None:
     if count:
         without = "numpy.ma.compress_rows" if getattr(values, "ndim", 1) == 2 else ".compressed()"
         advice = f".filled(value) gives them one, {without} leaves them out"
         raise ValueError(f"{name}: found {count} masked values, expected none: {advice}")
-    return np.asarray(values, dtype)
 
 
-def _masked(values: Any) -> int:
-    """Number of masked values in an array, or in a list of arrays."""
+def _masked(values: Any, deep: bool = False) -> int:
+    """Number of masked values in an array, or in a list of arrays, or, if ``deep``, in lists of lists."""
     if isinstance(values, (list, tuple)):
-        return sum(_masked(part) for part in values if isinstance(part, np.ma.MaskedArray))
+        kinds = (np.ma.MaskedArray, list, tuple) if deep else np.ma.MaskedArray
+        return sum(_masked(part, deep) for part in values if isinstance(part, kinds))
     if not isinstance(values, np.ma.MaskedArray):
         return 0
     # The mask of a structured array has its fields.

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -15,7 +17,7 @@ from scansion import _core
 from scansion._arrays import codes, column, mask, unmasked
 from scansion._cloud import PointCloud, as_cloud
 from scansion._losses import losses
-from scansion._names import asked, axis, meant, unknown
+from scansion._names import asked, axis, meant, read_as, translated, unknown
 
 
 def _box(bounds: ArrayLike | None) -> Any:
@@ -45,7 +47,8 @@ def read(
     path : path
         The file; the format is detected by content, then by extension.
     columns : list of str, optional
-        Columns to keep besides the coordinates; all by default. Fewer columns take less memory.
+        Columns to keep besides the coordinates; all by default. Fewer columns take less memory. Capitals and underscores do
+        not matter, and names of other programs are known too: ``r`` or ``red`` is the column Red.
     bounds : array_like of shape (2, 3) or (2, 2), optional
         Only points in this box, lowest and highest corner, both included. Of COPC files only the parts in the box are read.
     resolution : float, optional
@@ -69,16 +72,59 @@ def read(
         The file does not have one of the columns.
     """
     name = os.fspath(path)
-    found = _core.read(name, (asked(columns), _box(bounds), resolution, text_columns or []))
-    return _checked(PointCloud._wrap(found, name), columns, name, text_columns)
+    part = (_box(bounds), resolution, text_columns or [])
+
+    def load(names: list[str] | None) -> PointCloud:
+        return PointCloud._wrap(_core.read(name, (names, *part)), name)
+
+    if columns is None:
+        return load(None)
+    names = asked(columns)
+    cloud = load(names)
+    others = _other_names(cloud, columns, name, text_columns)
+    return _picked(load([*names, *others]) if others else cloud, columns)
 
 
-def _checked(cloud: PointCloud, columns: list[str] | None, path: str, text_columns: list[str] | None) -> PointCloud:
-    """The cloud, if it has all columns that were asked for."""
-    absent = [name for name in columns or [] if name not in cloud and axis(name) is None]
-    if absent:
-        own = text_columns or info(path)["dimensions"]
-        raise unknown(absent, [name for name in own if axis(name) is None])
+def _other_names(cloud: PointCloud, columns: list[str], path: str, text_columns: list[str] | None) -> list[str]:
+    """Columns that were asked for and are not in the cloud, by their names in the file, where these are other ones; a column
+    that the file does not have is an error."""
+    absent = [name for name in columns if read_as(name, cloud.columns) not in cloud.columns and axis(name) is None]
+    if not absent:
+        return []
+    about = info(path)
+    own: list[str] = text_columns or about["dimensions"]
+    if not own and about["points"] == 0:
+        return []
+    # The header row of a text file has the names of its coordinates too, such as easting.
+    known = dict.fromkeys([*own, *(_header(path) if about["format"] == "text" and not text_columns else [])])
+    called = {name: _repeated(name, about["dimensions"]) or read_as(name, known) for name in absent}
+    nowhere = [name for name in absent if called[name] not in known]
+    if nowhere:
+        raise unknown(nowhere, [name for name in own if axis(name) is None])
+    return [name for name in map(translated, called.values()) if name not in asked(columns)]
+
+
+def _repeated(name: str, dimensions: list[str]) -> str | None:
+    """The name in the file of the second dimension called ``a``, which is ``a_2`` in a cloud."""
+    before, _, number = name.rpartition("_")
+    return before if number.isdecimal() and 2 <= int(number) <= dimensions.count(before) else None
+
+
+def _header(path: str) -> list[str]:
+    """The names in the first line of a text file."""
+    with open(path, encoding="utf-8-sig", errors="replace") as file:
+        line = next((line for line in file if line.strip() and not line.lstrip().startswith("#")), "")
+    words = [word.strip('"') for word in re.split(r"[\s,;]+", line.strip().removeprefix("//"))]
+    return [word for word in words if word[:1].isalpha() or word[:1] == "_"]
+
+
+def _picked(cloud: PointCloud, columns: list[str]) -> PointCloud:
+    """The cloud without columns that were not asked for."""
+    own = cloud.columns
+    kept = {read_as(name, own) for name in columns}
+    for name in own:
+        if name not in kept:
+            del cloud[name]
     return cloud
 
 
@@ -112,8 +158,25 @@ def blocks(
     if size < 1:
         raise ValueError(f"size: found {size}, expected 1 or more points a block")
     name = os.fspath(path)
-    found = _core.Blocks(name, size, (asked(columns), _box(bounds), resolution, text_columns or []))
-    return (_checked(PointCloud._wrap(block), columns, name, text_columns) for block in found)
+    part = (_box(bounds), resolution, text_columns or [])
+
+    def load(names: list[str] | None) -> Iterator[PointCloud]:
+        return map(PointCloud._wrap, _core.Blocks(name, size, (names, *part)))
+
+    if columns is None:
+        return load(None)
+    names = asked(columns)
+    found = load(names)
+
+    def picked() -> Iterator[PointCloud]:
+        first = next(found, None)
+        if first is None:
+            return
+        others = _other_names(first, columns, name, text_columns)
+        for cloud in load([*names, *others]) if others else chain([first], found):
+            yield _picked(cloud, columns)
+
+    return picked()
 
 
 def _steps(scale: float | Sequence[float] | None) -> Any:

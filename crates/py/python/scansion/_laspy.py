@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain, count
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,13 +42,22 @@ def from_laspy(kind: type[PointCloud], las: Any) -> PointCloud:
             unit = _SCAN_ANGLE_UNIT if name == "scan_angle" else 1.0
             # As the core does: both factors in single precision.
             cloud[_SCAN_ANGLE] = values.astype(np.float32) * np.float32(unit)
-        elif values.ndim == 1 and values.dtype.kind in "fiub":
-            cloud._put(LASPY.get(name, name), values)
+        elif values.dtype.kind in "fiub":
+            # As the core does: each value of an array is a column.
+            arrays = values.ndim == 2
+            for number, part in enumerate(values.T if arrays else [values]):
+                cloud._put(_free(f"{name}{number}" if arrays else LASPY.get(name, name), cloud.columns), part)
     cloud.scheme = "asprs"
     cloud.crs = _laspy_crs(las.header)
     if cloud.crs is None:
         cloud.metres_per_unit = METRES.get(_geo_keys(las.header).get(_LINEAR_UNIT, 0))
     return cloud
+
+
+def _free(name: str, taken: list[str]) -> str:
+    """The name itself, or with the smallest number from 2 on that no column has."""
+    numbered = (f"{name}_{number}" for number in count(2))
+    return next(free for free in chain([name], numbered) if free not in taken)
 
 
 def to_laspy(cloud: PointCloud) -> Any:

@@ -35,6 +35,25 @@ def _folded(name: str) -> str:
 _OURS = {_folded(name): ours for theirs, ours in LASPY.items() for name in (theirs, ours)}
 """Our names by the folded ones of both."""
 
+_IN_FILES = {
+    "i": "Intensity",
+    "r": "Red",
+    "g": "Green",
+    "b": "Blue",
+    "class": "Classification",
+    "label": "Classification",
+    "syntheticflag": "Synthetic",
+    "keypointflag": "KeyPoint",
+    "withheldflag": "Withheld",
+    "overlapflag": "Overlap",
+    "scanangle": "ScanAngle",
+    "scananglerank": "ScanAngle",
+    "confidence": "Confidence",
+    "entropy": "Entropy",
+    **_OURS,
+}
+"""Our names by the folded ones of other programs, as the core translates them in files (``io/table/known.rs``)."""
+
 
 def meant(name: str, columns: Iterable[str]) -> str:
     """The column that a name means: itself, else one that differs in capitals and underscores only, else our name for it.
@@ -62,11 +81,27 @@ def our_names(names: Iterable[str]) -> dict[str, str]:
     return {name: name if taken.count(our) > 1 else our for name, our in ours.items()}
 
 
-def asked(names: list[str] | None) -> list[str] | None:
+def asked(names: list[str]) -> list[str]:
     """Columns to read from a file: these, and ours that they may mean."""
     if isinstance(names, str):
         raise TypeError(f"columns: found {names!r}, expected a list of names, as in [{names!r}]")
-    return names if names is None else list(dict.fromkeys([*names, *(meant(name, []) for name in names)]))
+    return list(dict.fromkeys([*names, *map(translated, names)]))
+
+
+def translated(name: str) -> str:
+    """The name that the core gives to a column which is called so in a file.
+
+    >>> translated("r"), translated("scan_angle_rank"), translated("mine")
+    ('Red', 'ScanAngle', 'mine')
+    """
+    return _IN_FILES.get(_folded(name), name)
+
+
+def read_as(name: str, columns: Iterable[str]) -> str:
+    """The column of a file that a name means: as `meant`, else the translated name."""
+    columns = list(columns)
+    called = meant(name, columns)
+    return called if called in columns else translated(name)
 
 
 def axis(name: str) -> int | None:

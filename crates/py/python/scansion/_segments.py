@@ -244,8 +244,9 @@ def _settings(
     if cutoff is not None:
         settings.append(f"partition.cutoff={float(cutoff)}")
     if k_min is not None:
-        settings.append(f"neighbourhood.k_min={whole(k_min, 'k_min', 2)}")
-        settings += [f"neighbourhood.k_max={k_min}"] if k_min > 100 else []
+        least = whole(k_min, "k_min", 2)
+        settings.append(f"neighbourhood.k_min={least}")
+        settings += [f"neighbourhood.k_max={least}"] if least > 100 else []
     if random_state is not None:
         number = seed(random_state)
         settings += [f"{part}.seed={number}" for part in ("partition", "riemannian", "clusters")]

@@ -96,10 +96,10 @@ def _has(within: Any, key: str) -> bool:
 
 
 def seed(random_state: Any) -> int:
-    """A seed from scikit-learn's ``random_state``; None means 0."""
+    """A seed from scikit-learn's ``random_state``; None means 0, and a float without fraction is a whole number."""
     if random_state is None:
         return 0
-    if isinstance(random_state, (int, np.integer)) and 0 <= random_state < 2**63:
+    if _is_whole(random_state) and 0 <= random_state < 2**63:
         return int(random_state)
     if isinstance(random_state, np.random.RandomState):
         return int(random_state.randint(0, 2**31 - 1))
@@ -111,10 +111,20 @@ def seed(random_state: Any) -> int:
 
 
 def whole(value: Any, name: str, low: int = 1) -> int:
-    """An integer, at least ``low``."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < low:
+    """An integer, at least ``low``. As in arrays of codes, a float without fraction is a whole number.
+
+    >>> whole(np.float64(20.0), "k_min")
+    20
+    """
+    if isinstance(value, bool) or not _is_whole(value) or value < low:
         raise ValueError(f"{name}: found {value!r}, expected a whole number, {low} or more")
     return int(value)
+
+
+def _is_whole(value: Any) -> bool:
+    if isinstance(value, (float, np.floating)):
+        return float(value).is_integer()
+    return isinstance(value, (int, np.integer))
 
 
 def share(value: Any, name: str, limits: tuple[float, float] = (0, 1)) -> float:

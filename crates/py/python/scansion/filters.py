@@ -149,7 +149,7 @@ def filter_file(
     mark: bool = False,
     height: tuple[float | None, float | None] | None = None,
     ground: Any = None,
-    cell: float = 1.0,
+    cell: float | None = None,
     noise: Sequence[int] | None = None,
     slope: float | None = None,
     window: float | None = None,
@@ -186,8 +186,8 @@ def filter_file(
     ground : "filter" or list of int, optional
         Find the ground by the ground filter, or take the points of these classes. None takes class 2 if the file has such
         points, else the ground filter.
-    cell : float
-        Edge of a cell of the terrain model, metres.
+    cell : float, optional
+        Edge of a cell of the terrain model, metres; None: 1.
     noise : list of int, optional
         Classes that are left out of the ground. None: 7 and 18 in LAS and LAZ, else none.
     slope, window, wall : float, optional
@@ -219,8 +219,7 @@ def filter_file(
     >>> scansion.filters.filter_file(folder / "all.laz", folder / "houses.laz", classes=[6])["kept"]
     2
     """
-    own = [ground, noise, slope, window, wall]
-    find_ground = cell != 1.0 or any(setting is not None for setting in own)
+    find_ground = any(setting is not None for setting in (ground, cell, noise, slope, window, wall))
     if find_ground and height is None:
         raise ValueError("ground, cell, noise, slope, window and wall need height")
     settings: dict[str, Any] = {
@@ -232,7 +231,7 @@ def filter_file(
         "mark": mark,
         "height": None if height is None else _range(height),
         "ground": {
-            "cell": cell,
+            **({} if cell is None else {"cell": cell}),
             "ground": choice(ground),
             "noise": None if noise is None else code_list(noise, "noise"),
             "filter": filter_settings(slope, window, wall),

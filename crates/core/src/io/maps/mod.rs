@@ -16,7 +16,7 @@ pub use outlines::{check_outline_output, write_outlines};
 
 use super::check_output;
 use super::format::extension;
-use crate::cloud::crs::{Unit, unit_of};
+use crate::cloud::crs::{Unit, is_place, unit_of};
 use crate::cloud::{Cloud, Raster};
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
@@ -42,14 +42,21 @@ impl Georeference {
         Self { crs, metres_per_unit: cloud.metres_per_unit }
     }
 
+    /// Whether the system tells more than a unit.
+    pub fn is_known(&self) -> bool {
+        self.crs.as_deref().is_some_and(is_place)
+    }
+
     /// Warns if a file of this name could tell the reference system, but not this one.
     pub(in crate::io) fn warn_of_loss(&self, path: &Path, monitor: &Monitor) {
         let (lost, what) = match extension(path).as_str() {
-            "tif" | "tiff" => (geotiff::loses(self), "has neither an EPSG code nor a projected system in WKT 1"),
+            "tif" | "tiff" => {
+                (geotiff::loses(self), "has neither an EPSG code nor a projected system in short plain WKT 1")
+            }
             "geojson" | "json" => (geojson::loses(self), "has no EPSG code"),
             _ => return,
         };
-        if lost {
+        if lost && self.is_known() {
             monitor.warn(format!("{}: not kept: the coordinate reference system, which {what}", path.display()));
         }
     }

@@ -255,7 +255,7 @@ impl System for AutoContextRecipe {
         if method == Regularise::None { 74 } else { 228 }
     }
 
-    fn train(
+    fn learn(
         &self,
         clouds: &[LabelledCloud],
         _options: &TrainOptions,

@@ -155,7 +155,7 @@ impl System for ClustersRecipe {
         if method == Regularise::None { 170 } else { 300 }
     }
 
-    fn train(
+    fn learn(
         &self,
         clouds: &[LabelledCloud],
         _options: &TrainOptions,

@@ -205,7 +205,7 @@ impl System for ContoursRecipe {
         if method == Regularise::None { 80 } else { 200 }
     }
 
-    fn train(
+    fn learn(
         &self,
         clouds: &[LabelledCloud],
         _options: &TrainOptions,

@@ -137,6 +137,14 @@ macro_rules! systems {
                 match self { $($(#[cfg($cfg)])? Self::$name(recipe) => recipe.label_distance(),)* }
             }
 
+            /// Checks that the method takes all options of a training: [`System::check_options`].
+            ///
+            /// # Errors
+            /// As [`System::check_options`].
+            pub fn check_options(&self, options: &TrainOptions) -> Result<()> {
+                match self { $($(#[cfg($cfg)])? Self::$name(recipe) => recipe.check_options(options),)* }
+            }
+
             /// Trains a model on labelled clouds: [`System::train`].
             ///
             /// # Errors
@@ -149,7 +157,6 @@ macro_rules! systems {
             ) -> Result<(Model, Box<dyn Report>)> {
                 match self {
                     $($(#[cfg($cfg)])? Self::$name(recipe) => {
-                        check_options::<$recipe>(options)?;
                         let TrainingResult { fitted, trained, report } = recipe.train(clouds, options, monitor)?;
                         Ok((Model { fitted: fitted.into(), trained }, Box::new(report)))
                     })*
@@ -331,27 +338,6 @@ fn unknown(name: &str) -> Error {
 
 fn written(value: &impl Serialize) -> Result<String> {
     toml::to_string(value).map_err(|e| Error::input(format!("recipe cannot be written as TOML: {e}")))
-}
-
-/// Fails if an option of the training has no effect with a method.
-fn check_options<S: System>(options: &TrainOptions) -> Result<()> {
-    let refused = |name, found: String, text: &str| {
-        Err(Error::parameter(name, found, format!("none: the recipe {} {text}", S::NAME)))
-    };
-    check_elevation::<S>(options.elevation.is_some())?;
-    if let (Some(first), false) = (options.strengths.first(), S::TRIES_STRENGTHS) {
-        return refused("strengths", first.to_string(), "does not try any");
-    }
-    if let (Some(first), false) = (options.depths.first(), S::TRIES_DEPTHS) {
-        return refused("depths", first.to_string(), "does not try any");
-    }
-    if let (Some(folds), false) = (options.folds, S::TRIES_DEPTHS || S::TRIES_STRENGTHS) {
-        return refused("folds", folds.to_string(), "has no cross-validation of its own");
-    }
-    if options.checkpoint.is_some() && !S::KEEPS_CHECKPOINTS {
-        return refused("checkpoint", "one".into(), "writes none");
-    }
-    Ok(())
 }
 
 /// Fails if an elevation model is given to a method that has no use for it.

@@ -149,7 +149,7 @@ impl System for ObjectsRecipe {
         }
     }
 
-    fn train(
+    fn learn(
         &self,
         clouds: &[LabelledCloud],
         _options: &TrainOptions,

@@ -115,7 +115,7 @@ impl System for PyramidRecipe {
         if method == Regularise::None { 45 } else { 200 }
     }
 
-    fn train(
+    fn learn(
         &self,
         clouds: &[LabelledCloud],
         options: &TrainOptions,

@@ -162,7 +162,7 @@ impl System for SpheresRecipe {
         if method == Regularise::None { 120 } else { 250 }
     }
 
-    fn train(
+    fn learn(
         &self,
         clouds: &[LabelledCloud],
         _options: &TrainOptions,

@@ -66,7 +66,7 @@ impl System for HeightRecipe {
         Vec::new()
     }
 
-    fn train(
+    fn learn(
         &self,
         clouds: &[LabelledCloud],
         _options: &TrainOptions,

@@ -8,7 +8,7 @@ pub(in crate::recipes) mod height;
 pub(in crate::recipes) mod report;
 pub(in crate::recipes) mod settings;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use crate::recipes::classify::rules::ClassRules;
 use crate::recipes::classify::statistics::CloudStatistics;
@@ -113,6 +113,17 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
         0.5
     }
 
+    /// The method's own part of [`System::train`], with options that it takes.
+    ///
+    /// # Errors
+    /// As [`System::train`].
+    fn learn(
+        &self,
+        clouds: &[LabelledCloud],
+        options: &TrainOptions,
+        monitor: &Monitor,
+    ) -> Result<TrainingResult<Self>>;
+
     /// Trains a model on labelled clouds. Choices that the recipe leaves open (the finest voxel, the use of colours) or
     /// that `options` ask for (depth, strength) are made here and written into the model's recipe.
     ///
@@ -124,7 +135,36 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
         clouds: &[LabelledCloud],
         options: &TrainOptions,
         monitor: &Monitor,
-    ) -> Result<TrainingResult<Self>>;
+    ) -> Result<TrainingResult<Self>> {
+        self.check_options(options)?;
+        self.learn(clouds, options, monitor)
+    }
+
+    /// Checks that the method takes all options of a training.
+    ///
+    /// # Errors
+    /// Names the first option that it has no use for.
+    fn check_options(&self, options: &TrainOptions) -> Result<()> {
+        let refused = |name, found: String, text: &str| {
+            Err(Error::parameter(name, found, format!("none: the recipe {} {text}", self.name())))
+        };
+        if options.elevation.is_some() && !Self::TAKES_ELEVATION {
+            return refused("elevation model", "one".into(), "does not use it");
+        }
+        if let (Some(first), false) = (options.strengths.first(), Self::TRIES_STRENGTHS) {
+            return refused("strengths", first.to_string(), "does not try any");
+        }
+        if let (Some(first), false) = (options.depths.first(), Self::TRIES_DEPTHS) {
+            return refused("depths", first.to_string(), "does not try any");
+        }
+        if let (Some(folds), false, true) = (options.folds, Self::TRIES_DEPTHS, options.strengths.is_empty()) {
+            return refused("folds", folds.to_string(), "has no cross-validation of its own");
+        }
+        if options.checkpoint.is_some() && !Self::KEEPS_CHECKPOINTS {
+            return refused("checkpoint", "one".into(), "writes none");
+        }
+        Ok(())
+    }
 
     /// What classification of a part needs to know of the whole cloud: the first pass over it.
     ///

@@ -192,7 +192,7 @@ impl System for UNetRecipe {
         if method == Regularise::None { 100 } else { 250 }
     }
 
-    fn train(
+    fn learn(
         &self,
         clouds: &[LabelledCloud],
         options: &TrainOptions,

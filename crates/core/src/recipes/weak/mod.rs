@@ -171,7 +171,7 @@ impl System for WeakRecipe {
         self.labels.within
     }
 
-    fn train(
+    fn learn(
         &self,
         clouds: &[LabelledCloud],
         options: &TrainOptions,

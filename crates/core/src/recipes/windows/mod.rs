@@ -93,7 +93,7 @@ impl System for WindowsRecipe {
         if method == Regularise::None { 120 } else { 250 }
     }
 
-    fn train(
+    fn learn(
         &self,
         clouds: &[LabelledCloud],
         options: &TrainOptions,

@@ -170,9 +170,13 @@ def _direct(tensor: SparseTensor, weights: Any, bias: Any, density: float | None
     bias = np.ascontiguousarray([] if bias is None else unmasked(bias, "bias"), np.float32)
     selection = None if density is None else {"attention": attention, "density": float(density)}
     layer = {"shape": list(tensor.shape), "size": weights.shape[2], "outputs": weights.shape[0], "selection": selection}
-    keys = np.ascontiguousarray(tensor.keys, np.uint64)
-    values = np.ascontiguousarray(tensor.values, np.float32)
-    return keys, values, np.ascontiguousarray(weights).ravel(), bias, to_json(layer)
+    return *_entries(tensor, "tensor"), np.ascontiguousarray(weights).ravel(), bias, to_json(layer)
+
+
+def _entries(tensor: SparseTensor, name: str) -> tuple[NDArray[np.uint64], NDArray[np.float32]]:
+    """Keys and values as the core takes them."""
+    keys, values = unmasked(tensor.keys, f"{name}.keys"), unmasked(tensor.values, f"{name}.values")
+    return np.ascontiguousarray(keys, np.uint64), np.ascontiguousarray(values, np.float32)
 
 
 def sparse_convolution(
@@ -244,7 +248,7 @@ def sparse_convolution_gradient(
         With respect to the values of the tensor, the weights (0 for those that are 0), and the bias (empty without one).
     """
     keys, values, flat, own, layer = _direct(tensor, weights, bias, None, "positive")
-    towards = (np.ascontiguousarray(gradient.keys, np.uint64), np.ascontiguousarray(gradient.values, np.float32))
+    towards = _entries(gradient, "gradient")
     of_values, of_weights, of_bias = _core.sparse_gradient(keys, values, flat, own, *towards, layer, n_jobs)
     return of_values, of_weights.reshape(np.shape(weights)), of_bias
 
@@ -301,11 +305,12 @@ class SparseConv3d:
         random_state: Any = None,
         n_jobs: int | None = None,
     ) -> None:
-        shape = (*[whole(kernel_size, "kernel_size")] * 3, whole(in_channels, "in_channels"), out_channels)
+        inputs, outputs = whole(in_channels, "in_channels"), whole(out_channels, "out_channels")
+        shape = (*[whole(kernel_size, "kernel_size")] * 3, inputs, outputs)
         draws = np.random.default_rng(seed(random_state))
-        deviation = np.sqrt(2 / (kernel_size**3 * in_channels))
+        deviation = np.sqrt(2 / (kernel_size**3 * inputs))
         self.weight = (draws.standard_normal(shape) * deviation).astype(np.float32)
-        self.bias = np.zeros(whole(out_channels, "out_channels"), np.float32) if bias else None
+        self.bias = np.zeros(outputs, np.float32) if bias else None
         self.dilation = dilation
         self.n_jobs = n_jobs
         self._input: tuple[Any, Any] | None = None

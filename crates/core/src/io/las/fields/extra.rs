@@ -66,11 +66,18 @@ fn elements(block: &[u8]) -> Vec<Extra> {
     let element = |i: usize| {
         let scale = if options & 8 != 0 { f64_at(block, 112 + 8 * i) } else { 1.0 };
         let offset = if options & 16 != 0 { f64_at(block, 136 + 8 * i) } else { 0.0 };
-        let name = if count == 1 { name.clone() } else { format!("{name}{i}") };
+        // A name has 31 bytes at most, with which it could be written again.
+        let name = if count == 1 { name.clone() } else { format!("{}{i}", shortened(&name, 30)) };
         let scaled = (options & 24 != 0).then_some((scale, offset));
         Extra { name, kind: (kind - 1) % 10 + 1, at: 0, scaled, is_element: count > 1 }
     };
     (0..count).map(element).collect()
+}
+
+/// The first characters of a name, at most that many bytes.
+fn shortened(name: &str, most: usize) -> &str {
+    let end = (0..=name.len().min(most)).rev().find(|&end| name.is_char_boundary(end)).unwrap_or(0);
+    &name[..end]
 }
 
 impl Extra {
