@@ -44,6 +44,10 @@ def test_points_of_some_classes_carry_no_line(room, found):
     assert 0 < len(fewer) < len(found)
     with pytest.raises(ValueError, match="classes"):
         contours.extract(room.cloud.xyz, without=[6])
+    of_floats = contours.extract(room.cloud, without=np.unique([float(furniture)] * 2))
+    assert len(of_floats) == len(fewer) and np.array_equal(of_floats.confidence, fewer.confidence)
+    with pytest.raises(ValueError, match=r"without: found np.float64\(2.5\), expected a whole number"):
+        contours.extract(room.cloud, without=np.array([2.5]))
 
 
 def test_files_hold_all_lines(found, tmp_path):

@@ -376,8 +376,8 @@ def test_columns_of_text_are_those_that_were_named(tmp_path):
         scansion.read(tmp_path / "a.txt", ["Nope"])
 
 
-def first_block(*given, **named):
-    return next(scansion.blocks(*given, **named))
+def first_block(path, columns, **named):
+    return next(scansion.blocks(path, columns=columns, **named))
 
 
 @pytest.mark.parametrize("read", [scansion.read, first_block])
@@ -391,7 +391,7 @@ def test_columns_of_text_have_the_names_of_the_file_or_ours(tmp_path, read):
     assert read(path, names, text_columns=names).columns == ["Red", "My_Value", "Blue", "Classification"]
     found = read(path, ["Easting", "myvalue"], text_columns=names)
     assert found.columns == ["My_Value"] and found["my_value"].tolist() == [5]
-    with pytest.raises(ValueError, match="columns: found 'elevation', "):
+    with pytest.raises(ValueError, match="columns: found 'elevation' "):
         read(path, ["elevation"], text_columns=names)
     path.write_text("# a note\n\"easting\",northing,height,i,My_Value\n1,2,3,4,5\n")
     assert read(path, ["easting", "i"]).columns == ["Intensity"]
