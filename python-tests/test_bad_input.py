@@ -266,6 +266,16 @@ def test_messages_name_arguments_of_python(tmp_path):
         scansion.segment(degrees)
 
 
+def test_whole_numbers_beyond_those_of_the_core_are_refused():
+    assert len(nn.Sites(np.array([[2**51], [0]], np.uint64))) == 2
+    for wrong in (2**63, 2**64 - 1):
+        with pytest.raises(ValueError, match=rf"coordinates: expected whole numbers below 2\^63, found {wrong} at index 1, 0"):
+            nn.Sites(np.array([[0], [wrong]], np.uint64))
+    for values in ([[2**64]], np.array([[0.5]], object), [["1"]], [[1j]]):
+        with pytest.raises(TypeError, match="coordinates: expected whole numbers, found dtype"):
+            nn.Sites(values)
+
+
 def masked(values, *at):
     """The array, in which the first value, or that at an index, is masked."""
     found = np.ma.array(values)

@@ -68,6 +68,10 @@ def test_unlabelled_points_are_not_learned_from(labelled):
     assert every["unlabelled"] == (labels < 0).sum()
     with pytest.raises(ValueError, match="label"):
         PointClassifier(RECIPE).fit(labelled.xyz, np.full(len(labelled), -1))
+    none = [None if code < 0 else code for code in labels.tolist()]
+    by_none = PointClassifier(RECIPE).fit(labelled.xyz, none)
+    assert by_none.report_["classes"] == every["classes"] and by_none.report_["unlabelled"] == every["unlabelled"]
+    assert by_none.score(labelled.xyz, none) == by_none.score(labelled.xyz, labels)
 
 
 @pytest.mark.parametrize("kind", [PointClassifier, WeakClassifier, ObjectClassifier])
@@ -120,6 +124,12 @@ def test_text_comes_back_as_text(kind, tmp_path):
     assert half.report_["unlabelled"] == (partly == None).sum() + (partly == "unknown").sum()  # noqa: E711
     with pytest.raises(ValueError, match="class_map"):
         kind(class_map="1=2").fit(xyz, text)
+    for wrong in ([0], "unknown"):
+        with pytest.raises(TypeError, match="unlabelled"):
+            kind(SETTINGS[kind], unlabelled=wrong).fit(xyz, text)
+    by_text.unlabelled = [0]
+    with pytest.raises(TypeError, match="unlabelled: expected text or None, found 0"):
+        by_text.score(other, true)
 
 
 def test_rare_classes_are_warned_of():

@@ -59,6 +59,7 @@ def test_radii_and_names_that_are_wrong_are_refused():
     for radii in (0.0, -1.0, [], [1.0, np.nan]):
         with pytest.raises(ValueError, match="radii"):
             features.radius(xyz, radii)
+    assert features.radius(xyz, 1.0, []).shape == (len(xyz), 0) and features.radius(xyz[:0], 1.0, []).shape == (0, 0)
     with pytest.raises(ValueError, match="surface_variation"):
         features.radius(xyz, 1.0, ["roughness"])
     with pytest.raises(ValueError, match="NaN"):

@@ -95,6 +95,24 @@ def test_confident_lines_are_kept_and_precision_rises_with_the_threshold(room, f
     assert np.all(np.diff(curve[:, 2]) <= 1e-9) and curve[2, 1] > curve[0, 1] and np.isnan(curve[3, 1])
     with pytest.raises(ValueError, match="min_confidence"):
         contours.extract(room.cloud, min_confidence=2)
+    for wrong in (np.nan, 80, -0.1):
+        with pytest.raises(ValueError, match="min_confidence: found .*, expected a share in 0..1"):
+            found.write(tmp_path / "b.geojson", min_confidence=wrong)
+    assert not (tmp_path / "b.geojson").exists()
+
+
+def test_stages_draw_lines_with_several_settings():
+    scene = contours.synthetic_scene("indoor", random_state=2, rays=50_000)
+    rated = contours.stages(scene.cloud)
+    whole = contours.extract(scene.cloud)
+    assert all(np.array_equal(a, b) for a, b in zip(rated.lines(), whole, strict=True))
+    assert len(rated.lines({"trace": {"field": {"bias": 1.0}}})) <= len(rated.lines({"trace.field.bias": -2.0}))
+    for key in ("candidates.seeds.threshold", "voxel", "trace", "tracer.bias"):
+        with pytest.raises(ValueError, match=f"settings: found {key}, expected keys below trace; others need new stages"):
+            rated.lines({"trace.field.bias": 1.0, key: 1})
+    feet = scene.cloud.xyz / 0.3048
+    assert contours.stages(feet, metres_per_unit=0.3048).voxel == pytest.approx(rated.voxel, rel=1e-6)
+    assert contours.stages(feet, settings={"voxel": 0.5}).voxel == 0.5
 
 
 def test_scores_do_not_depend_on_the_place_on_earth():

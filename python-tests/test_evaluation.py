@@ -86,6 +86,55 @@ def test_text_is_compared_as_scikit_learn_does():
     assert some["overall_accuracy"] == pytest.approx(metrics.accuracy_score(truth[kept], predicted[kept]))
 
 
+def test_what_is_unlabelled_is_text_if_the_labels_are():
+    for wrong in ([0], ["a", 0], [0.5], np.array([0, 1])):
+        for call in (
+            lambda wrong=wrong: evaluation.scores(["0", "a", "a"], ["a", "a", "a"], unlabelled=wrong),
+            lambda wrong=wrong: evaluation.purities([1, 1, 2], ["0", "a", "a"], unlabelled=wrong),
+        ):
+            with pytest.raises(TypeError, match="unlabelled: expected text or None, found .* at index"):
+                call()
+    with pytest.raises(TypeError, match="unlabelled: found 'wire', expected a list"):
+        evaluation.scores(["wire"], ["wire"], unlabelled="wire")
+    with pytest.raises(TypeError, match="unlabelled"):
+        evaluation.scores([0, 1], [0, 1], unlabelled=["a"])
+    for right in (["0"], [b"0"], np.array(["0"]), [None, "0"], (text for text in "0")):
+        assert evaluation.scores(["0", "a", "a"], ["a", "a", "a"], unlabelled=right)["overall_accuracy"] == 1
+
+
+def test_none_is_no_label_among_numbers_too():
+    truth, predicted = [2, None, 6, 6, 300], [2, 2, None, 6, 5]
+    same = [2, -1, 6, 6, 300], [2, 2, -1, 6, 5]
+    maps = {"map_truth": "300=5"}
+    assert evaluation.scores(truth, predicted, **maps) == evaluation.scores(*same, **maps)
+    assert evaluation.scores(truth, predicted, **maps)["overall_accuracy"] == 0.75
+    assert evaluation.purities([1, 1, 1], [2, None, 6]).tolist() == [0.5]
+    assert evaluation.scores([None, None], [2, 2])["points"] == 0
+    with pytest.raises(TypeError, match="truth"):
+        evaluation.scores([2, {}], [2, 2])
+
+
+def test_rows_of_classes_have_their_names():
+    text, none = ["wall", "bush", "wall"], ["wall", None, "bush"]
+    for pair in ((text, none), ([2, 6, 0], [2, -1, 6])):
+        rows, labels = evaluation.one_vs_rest(*pair), evaluation.scores(*pair)["labels"]
+        assert [(row["code"], row["name"]) for row in rows] == [(label["code"], label["name"]) for label in labels]
+    assert evaluation.one_vs_rest([], []) == []
+    xyz = np.stack(np.meshgrid(np.arange(9.0), np.arange(9.0), [0.0]), -1).reshape(-1, 3)
+    truth = np.where(xyz[:, 0] < 5, "wall", "bush")
+    classes = evaluation.segmentation_error(xyz, xyz[:, 0] < 5, truth, cell=1.0)["classes"]
+    assert [(row["code"], row["name"]) for row in classes] == [(0, "bush"), (1, "wall")]
+    by_code = evaluation.segmentation_error(xyz, xyz[:, 0] < 5, np.where(xyz[:, 0] < 5, 6, 2), cell=1.0)["classes"]
+    assert [row["name"] for row in by_code] == ["ground", "building"]
+
+
+def test_what_has_nothing_to_compare_has_an_error_of_nan(monkeypatch):
+    text = '{"classes": [{"code": 2, "error": 0.5, "precision": null}], "error": null, "precision": null}'
+    monkeypatch.setattr(evaluation._core, "segmentation_error", lambda *_: text)
+    found = evaluation.segmentation_error(np.eye(3), [0, 0, 1], [-1, 2, -1])
+    assert np.isnan([found["error"], found["precision"], found["classes"][0]["precision"]]).all()
+
+
 def test_each_side_has_a_map_of_its_own():
     truth = np.select([TRUTH == 2, TRUTH == 5, TRUTH == 6], [0, 1, 2], 3)
     expected = metrics.accuracy_score(TRUTH, PREDICTED)

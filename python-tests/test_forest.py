@@ -163,3 +163,13 @@ def test_labels_that_are_missing_or_of_another_kind_are_refused():
     with pytest.raises(ValueError, match="y: found numbers, expected text"):
         text.score(X, [0, 1, 0, 1])
     assert text.score(X, np.array(list("abab"), dtype=object)) == text.score(X, list("abab"))
+
+
+def test_bytes_are_text_in_scores():
+    X, text = np.arange(8.0).reshape(4, 2), np.array(list("aabb"))
+    kinds = [text, text.astype("S"), text.astype(object), text.astype("S").astype(object)]
+    for learned in kinds:
+        forest = RandomForestClassifier(5, bootstrap=False).fit(X, learned)
+        for given in kinds:
+            assert forest.score(X, given) == 1 and forest.score(X, given[[0, 2, 2, 3]]) == 0.75
+            assert forest.score(X, given[[0, 2, 2, 3]], sample_weight=[1, 2, 1, 1]) == 0.6

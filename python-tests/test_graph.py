@@ -83,6 +83,11 @@ def test_edges_are_the_pairs_of_neighbours_each_once():
     assert weights.sum() == pairs.shape[0] and set(weights.tolist()) == {1.0, 2.0}
 
 
+def test_of_repeated_edges_the_smallest_weight_counts():
+    for weights, least in [(None, 1.0), ([1, 1], 1.0), ([3, 4], 3.0)]:
+        assert graph.minimum_spanning_tree(2, [[0, 1], [1, 0]], weights)[1].tolist() == [least]
+
+
 def test_components_and_spanning_trees_are_those_of_scipy():
     xyz = cloud()
     edges, _ = graph.knn_graph(xyz, k=2)

@@ -46,10 +46,10 @@ def test_submanifold_convolution_is_that_of_scipy_at_the_occupied_cells():
     features = RANDOM.normal(size=(len(coordinates), 4)).astype(np.float32)
     weights = RANDOM.normal(size=(3, 3, 3, 4, 6)).astype(np.float32)
     dense = np.zeros((1, 4, 9, 8, 7))
-    dense[0][:, *coordinates.T] = features.T
+    dense[0][(slice(None), *coordinates.T)] = features.T
     expected = dense_convolution(dense, np.moveaxis(weights, (3, 4), (1, 0)).astype(float))
     found = nn.submanifold_convolution(coordinates - 100, features, weights)
-    np.testing.assert_allclose(found, expected[0][:, *coordinates.T].T, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(found, expected[0][(slice(None), *coordinates.T)].T, rtol=1e-4, atol=1e-4)
 
 
 def test_gradients_are_those_of_differences():
@@ -80,6 +80,67 @@ def test_gradients_are_those_of_differences():
     values[5] += 1
     change = nn.sparse_convolution(tensor._replace(values=values), filters).to_dense() - out.to_dense()
     assert (change * gradient.to_dense()).sum() == pytest.approx(of_values[5], abs=1e-3)
+
+
+def test_gradients_are_in_the_order_of_the_values():
+    tensor = nn.SparseTensor.from_dense(RANDOM.normal(size=(2, 2, 6, 6)) * (RANDOM.random((2, 2, 6, 6)) < 0.4))
+    filters = RANDOM.normal(size=(3, 2, 3, 3)).astype(np.float32)
+    out = nn.sparse_convolution(tensor, filters)
+    gradient = out._replace(values=RANDOM.normal(size=len(out.values)).astype(np.float32))
+    expected = nn.sparse_convolution_gradient(tensor, filters, gradient, bias=np.zeros(3))
+    order, other = RANDOM.permutation(len(tensor.keys)), RANDOM.permutation(len(out.keys))
+    shuffled = tensor._replace(keys=tensor.keys[order].astype(float), values=tensor.values[order])
+    turned = gradient._replace(keys=gradient.keys[other], values=gradient.values[other])
+    assert nn.sparse_convolution(shuffled, filters).values.tobytes() == out.values.tobytes()
+    found = nn.sparse_convolution_gradient(shuffled, filters, turned, bias=np.zeros(3))
+    assert found[0].tobytes() == expected[0][order].tobytes()
+    assert all(own.tobytes() == other.tobytes() for own, other in zip(found[1:], expected[1:], strict=True))
+    # One value of two, as a difference.
+    pair = nn.SparseTensor([3, 0], [1.0, 2.0], (1, 1, 2, 2))
+    kernel = np.arange(1.0, 10.0).reshape(1, 1, 3, 3)
+    once = nn.sparse_convolution(pair, kernel)
+    of_values = nn.sparse_convolution_gradient(pair, kernel, once)[0]
+    change = nn.sparse_convolution(pair._replace(values=[2.0, 2.0]), kernel).to_dense() - once.to_dense()
+    assert (change * once.to_dense()).sum() == of_values[0] != of_values[1]
+
+
+def test_layers_have_rows_in_any_order():
+    places, features = RANDOM.permutation(np.argwhere(np.ones((4, 4, 4)))), RANDOM.normal(size=(64, 2))
+    towards, order = RANDOM.normal(size=(64, 3)), RANDOM.permutation(64)
+    layer = nn.SparseConv3d(2, 3, random_state=1)
+    out, back = layer(places, features), layer.backward(towards)
+    np.testing.assert_array_equal(layer(places[order], features[order]), out[order])
+    np.testing.assert_array_equal(layer.backward(towards[order]), back[order])
+    with pytest.raises(ValueError, match=r"coordinates: expected whole numbers, found \d.5"):
+        layer(places + 0.5, features)
+    with pytest.raises(ValueError, match="gradient: found shape"):
+        layer.backward(towards[:, :2])
+
+
+def test_wrong_entries_are_named():
+    tensor = nn.SparseTensor.from_dense(np.eye(3)[None, None])
+    kernel = np.ones((1, 1, 3, 3))
+    out = nn.sparse_convolution(tensor, kernel)
+    wrong = {
+        r"keys: expected whole numbers, found 1.5 at index 1": {"keys": [0, 1.5, 8]},
+        "found key -1, expected 0 up to 8": {"keys": [0, -1, 8]},
+        "found key 9, expected 0 up to 8": {"keys": [0, 9, 8]},
+        r"below 2\^63, found 18446744073709551615": {"keys": np.array([0, 4, 2**64 - 1], np.uint64)},
+        "found key 4 twice": {"keys": [4, 0, 4]},
+        r"values of shape \(2,\)": {"values": [1.0, 2.0]},
+    }
+    for message, change in wrong.items():
+        with pytest.raises(ValueError, match=f"tensor.*{message}"):
+            nn.sparse_convolution(tensor._replace(**change), kernel)
+        with pytest.raises(ValueError, match=f"tensor.*{message}"):
+            nn.sparse_convolution_gradient(tensor._replace(**change), kernel, out)
+        with pytest.raises(ValueError, match=f"gradient.*{message}"):
+            nn.sparse_convolution_gradient(tensor, kernel, tensor._replace(**change))
+    with pytest.raises(ValueError, match="keys: expected whole numbers, found 1.5"):
+        tensor._replace(keys=[0, 1.5, 8]).to_dense()
+    for shape in [(1, 1, 9), (2, 1, 3, 3), (1, 2, 3, 3), (9, 9)]:
+        with pytest.raises(ValueError, match=r"gradient: found shape .*, expected \(1, 1, 3, 3\)"):
+            nn.sparse_convolution_gradient(tensor, kernel, out._replace(shape=shape))
 
 
 @pytest.mark.parametrize("in_order", [False, True])
@@ -211,6 +272,44 @@ def test_training_goes_on_from_a_checkpoint_to_the_same_bytes(tmp_path):
         np.testing.assert_array_equal(values, rest.weights()[name])
     with pytest.raises(ValueError, match="other settings or samples"):
         small(random_state=5).fit(X, y, checkpoint=tmp_path / "steps")
+    before = part.predict_proba(X)
+    with pytest.raises(ValueError, match="steps after 4 epochs, expected at most the 2 to be done"):
+        part.fit(X, y, checkpoint=tmp_path / "steps")
+    np.testing.assert_array_equal(part.predict_proba(X), before)
+    np.testing.assert_array_equal(small().fit(X, y, checkpoint=tmp_path / "steps").predict_proba(X), whole.predict_proba(X))
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"network": "mnist", "density": 0.3, "settings": {"network.hidden": 4}},
+        {"network": "mnist-paper", "settings": {"network.hidden": 4, "network.dropout": 0.25}},
+        {"network": "mnist", "dense": True, "settings": {"network.hidden": 4}},
+        {
+            "network": "modelnet",
+            "settings": {"network.hidden": 4, "network.levels": [{"channels": [2], "density": 0.5}]},
+        },
+    ],
+)
+def test_loaded_networks_have_the_parameters_of_their_file(tmp_path, parameters):
+    X, y = bars(8, 1)
+    network = nn.VoxelClassifier(**parameters, epochs=1).fit(X, y)
+    network.save(tmp_path / "net")
+    again = nn.VoxelClassifier.load(tmp_path / "net")
+    assert again.get_params() == {**network.get_params(), "epochs": None}
+    clone = pytest.importorskip("sklearn.base").clone(again).set_params(epochs=1)
+    clone.fit(X, y)
+    assert clone.settings_ == network.settings_
+    np.testing.assert_array_equal(clone.predict_proba(X), network.predict_proba(X))
+
+
+def test_loaded_networks_for_points_have_the_resolution(tmp_path):
+    points = [RANDOM.normal(size=(50, 3)) for _ in range(8)]
+    settings = {"network.hidden": 4, "network.levels": [{"channels": [2], "density": 0.5}]}
+    nn.VoxelClassifier(resolution=8, epochs=1, settings=settings).fit(points, np.arange(8) % 2).save(tmp_path / "net")
+    again = nn.VoxelClassifier.load(tmp_path / "net")
+    assert again.get_params()["resolution"] == 8 and again.settings == settings
+    assert again.set_params(epochs=1).fit(points, np.arange(8) % 2).shape_["extent"] == [8, 8, 8]
 
 
 def test_clouds_of_points_are_objects():
@@ -389,7 +488,7 @@ def test_entries_in_any_order_are_those_of_the_objects():
         "key -1": tensor._replace(keys=np.append(tensor.keys[:-1].astype(np.int64), -1)),
         "twice": tensor._replace(keys=np.append(tensor.keys[:-1], tensor.keys[:1])),
         "keys of shape": tensor._replace(keys=tensor.keys[:-1]),
-        "whole numbers": tensor._replace(keys=tensor.keys.astype(float)),
+        "whole numbers": tensor._replace(keys=tensor.keys + 0.5),
         "1 to 4 axes": tensor._replace(shape=(20, 144)),
     }
     for message, X in wrong.items():

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from scansion import graph, neighbours, regularisation, segmentation
+from scansion import _graph, graph, neighbours, regularisation, segmentation
 
 
 def grid(side):
@@ -60,6 +60,56 @@ def test_more_labels_metrics_and_label_costs_stay_near_the_optimum(seed):
     best = optimum(unary, edges, weights, line, costs)
     assert best <= found.energy <= 1.1 * best
     assert regularisation.icm(unary, edges, weights, distances=line).converged
+
+
+@pytest.mark.parametrize("solve", ["alpha_expansion", "alpha_beta_swap", "icm"])
+def test_a_large_common_cost_of_a_node_does_not_hide_its_differences(solve):
+    search = getattr(regularisation, solve)
+    found = search([[1e8, 1e8 - 1]], [])
+    assert found.labels.tolist() == [1] and found.energy == 1e8 - 1
+    assert search([[1e8, 1e8 - 1, 1e12]], []).labels.tolist() == [1]
+    unary, edges, weights = problem(7, 3)
+    offsets = 1e8 * np.arange(9)[:, None] - 3e8
+    expected = search(unary, edges, weights)
+    found = search(unary + offsets, edges, weights)
+    assert found.labels.tolist() == expected.labels.tolist()
+    assert found.energy == expected.energy + offsets.sum()
+    assert regularisation.energy(found.labels, unary + offsets, edges, weights) == found.energy
+    costs = np.array([5.0, 0.0, 9.0])
+    assert regularisation.energy(found.labels, unary + offsets, edges, weights, label_costs=costs) == pytest.approx(
+        cost(found.labels, unary + offsets, edges, weights, 1 - np.eye(3), costs), abs=1e-4
+    )
+
+
+@pytest.mark.parametrize("solve", [segmentation.cut_pursuit, segmentation.merge])
+def test_a_large_offset_of_the_values_does_not_hide_their_differences(solve):
+    side = 20
+    values = np.c_[np.arange(side * side) % side * 3 // side, np.random.default_rng(0).integers(0, 8, side * side) / 64]
+    expected = solve(values, grid(side))
+    found = solve(values + [1e8, -3e9], grid(side))
+    assert found.labels.tolist() == expected.labels.tolist() and len(expected.centroids) == 3
+    np.testing.assert_allclose(found.centroids, expected.centroids + [1e8, -3e9], rtol=1e-15)
+    assert found.energy == pytest.approx(expected.energy)
+    aim = segmentation.PartitionParams(strength=0.1, method="merge" if solve is segmentation.merge else "cut-pursuit")
+    assert segmentation.partition(values + 1e8, grid(side), aim).labels.tolist() == expected.labels.tolist()
+
+
+def test_offsets_are_subtracted_only_where_they_are_large():
+    ordinary = np.random.default_rng(2).integers(1, 50, (500, 3)) / 7
+    even = np.full((3, 2), -np.log(0.5))
+    for table in (ordinary, even, even + [[0, 1e-16]], ordinary.astype(np.float32), np.zeros((0, 3))):
+        for relative in (_graph.relative_to_columns, _graph.relative_to_rows):
+            rows, offsets = relative(table, "unary")
+            np.testing.assert_array_equal(rows, table.astype(np.float32))
+            assert not offsets.any() and rows.dtype == np.float32 and offsets.dtype == np.float64
+    for kind in (np.float32, np.float64, np.int64):
+        rows, offsets = _graph.relative_to_rows(np.array([[2**20, 2**20 + 3], [7, 9]], kind), "unary")
+        assert rows.tolist() == [[0, 3], [7, 9]] and offsets.tolist() == [2**20, 0]
+    for wrong in (np.nan, np.inf, -np.inf):
+        with pytest.raises(ValueError, match=str(wrong)[-3:].replace("nan", "NaN")):
+            regularisation.icm([[1e8, 1e8 - 1, wrong]], [])
+        with pytest.raises(ValueError, match=str(wrong)[-3:].replace("nan", "NaN")):
+            segmentation.merge([[1e8], [1e8 + 1], [wrong]], [])
 
 
 def test_a_noisy_picture_becomes_clean():
@@ -232,6 +282,18 @@ def test_neighbours_agree_as_by_alpha_expansion_on_the_graph():
         regularisation.regularize(xyz, votes, strength=1, settings={"strength": 1})
     with pytest.raises(ValueError, match="probabilities"):
         regularisation.regularize(xyz, votes[1:])
+
+
+@pytest.mark.parametrize("method", regularisation.METHODS)
+def test_a_strength_is_refused_by_methods_that_do_not_use_it(method):
+    xyz, votes = np.random.default_rng(0).random((60, 3)), np.random.default_rng(1).dirichlet([1, 1], 60)
+    for given in ({"strength": 1}, {"settings": {"strength": 1}}):
+        if method.endswith("crf"):
+            regularisation.regularize(xyz, votes, method=method, **given)
+            continue
+        with pytest.raises(ValueError, match=f"strength: found 1, expected none: the method '{method}' does not use it"):
+            regularisation.regularize(xyz, votes, method=method, **given)
+    regularisation.regularize(xyz, votes, method=method, strength=None)
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf])

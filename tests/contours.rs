@@ -130,3 +130,22 @@ fn what_cannot_be_drawn_is_refused() {
     io::write(&f.join("empty.las"), &empty, &Default::default()).unwrap();
     assert!(fails(f, &["contours", "empty.las", "-o", "a.dxf"], 4).contains("no point"));
 }
+
+#[test]
+fn points_without_a_class_are_not_those_of_class_0() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    room(f);
+    let mut cloud = io::read(&f.join("room.laz")).unwrap();
+    let values = &cloud.column("Classification").unwrap().values;
+    let first = values.get(0);
+    let open = |i: usize| if values.get(i) == first { -1 } else { values.get(i).max(1.0) as i16 };
+    let codes = Values::I16((0..cloud.len()).map(open).collect());
+    cloud.set_column(Column::new("Classification", codes)).unwrap();
+    io::write(&f.join("open.ply"), &cloud, &Default::default()).unwrap();
+    let table = done(f, &["contours", "open.ply", "-o", "all.geojson"]);
+    assert!(!table.contains("class 0"), "{table}");
+    done(f, &["contours", "open.ply", "-o", "without.geojson", "--without", "0"]);
+    let read = |name: &str| std::fs::read_to_string(f.join(name)).unwrap();
+    assert!(read("all.geojson") == read("without.geojson") && read("all.geojson").contains("LineString"));
+}

@@ -330,6 +330,12 @@ fn options_without_effect_are_refused() {
         let text = fails(f, &[&["segment", "a.laz", "-o", "s.laz", "--method", method], &option[..]].concat(), 2);
         assert!(text.contains(able) && !text.contains(&format!("one of {able},")), "{text}");
     }
+    let text = fails(f, &["regularize", "a.laz", "-o", "r.laz", "--method", "local", "--strength", "3"], 2);
+    assert!(text.contains("point-crf"), "{text}");
+    for (rest, said) in [(["--azimuth", "50"], "oblique"), (["--range", "0,1"], "height")] {
+        let text = fails(f, &[&["render", "a.laz", "-o", "a.png"], &rest[..]].concat(), 2);
+        assert!(text.contains(said), "{text}");
+    }
     // Segments of every method are described by the neighbourhoods of their points.
     done(f, &["suggest", "a.laz", "-o", "s.csv", "--method", "slic", "--k-min", "12", "-n", "3"]);
     done(f, &["segment", "a.laz", "-o", "s.laz", "--method", "felzenszwalb", "--k-min", "12"]);

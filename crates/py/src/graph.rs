@@ -30,11 +30,17 @@ pub(crate) fn graph_of(nodes: usize, edges: &[u32], weights: Option<&[f32]>, mon
     if let Some(weights) = weights {
         return Ok(Held::new(Graph::new_watched(nodes, pairs, weights, monitor)?, monitor));
     }
-    let mut ones = Vec::with_capacity(pairs.len());
-    for piece in watched(pairs.len(), monitor) {
+    let ones = ones(pairs.len(), monitor)?;
+    Ok(Held::new(Graph::new_watched(nodes, pairs, &ones, monitor)?, monitor))
+}
+
+/// The weights of edges without any.
+fn ones(count: usize, monitor: &Monitor) -> Result<Vec<f32>> {
+    let mut ones = Vec::with_capacity(count);
+    for piece in watched(count, monitor) {
         ones.resize(piece?.end, 1.0);
     }
-    Ok(Held::new(Graph::new_watched(nodes, pairs, &ones, monitor)?, monitor))
+    Ok(ones)
 }
 
 /// The elements of the weights, if there are any.
@@ -93,13 +99,10 @@ pub(crate) fn minimum_spanning_tree<'py>(
 ) -> PyResult<Edges<'py>> {
     let (edges, weights) = (matrix(&edges, "edges")?, optional(weights.as_ref(), "weights")?);
     let tree = call(py, Some(1), |monitor| {
-        let graph = match weights {
-            Some(weights) => {
-                let given = WeightedPairs { pairs: pairs_of(edges)?, weights, parallel: Parallel::Least };
-                Held::new(Graph::from_pairs(nodes, &given, monitor)?, monitor)
-            }
-            None => graph_of(nodes, edges, None, monitor)?,
-        };
+        let pairs = pairs_of(edges)?;
+        let ones = if weights.is_none() { ones(pairs.len(), monitor)? } else { Vec::new() };
+        let given = WeightedPairs { pairs, weights: weights.unwrap_or(&ones), parallel: Parallel::Least };
+        let graph = Held::new(Graph::from_pairs(nodes, &given, monitor)?, monitor);
         let tree = graph::minimum_spanning_tree(&graph, monitor)?;
         let pairs: Vec<[u32; 2]> = tree.iter().map(|&e| graph.edges()[e as usize]).collect();
         let weights: Vec<f32> = tree.iter().map(|&e| graph.weights()[e as usize]).collect();

@@ -44,19 +44,19 @@ pub(crate) struct Render {
     /// From above, or from the side
     #[arg(long, value_enum, default_value_t = ViewArg::Map)]
     pub(crate) view: ViewArg,
-    /// Viewing direction, degrees clockwise from north
-    #[arg(long, default_value_t = 30.0)]
-    pub(crate) azimuth: f64,
-    /// Elevation of the viewpoint above the horizon, degrees
-    #[arg(long, default_value_t = 35.0)]
-    pub(crate) elevation: f64,
+    /// Viewing direction of an oblique view, degrees clockwise from north [default: 30]
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
+    pub(crate) azimuth: Option<f64>,
+    /// Elevation of the viewpoint of an oblique view above the horizon, degrees [default: 35]
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
+    pub(crate) elevation: Option<f64>,
     /// Width in pixels
     #[arg(long, default_value_t = 1600)]
     pub(crate) width: u32,
     /// Height in pixels [default: from the shape of the cloud]
     #[arg(long)]
     pub(crate) height: Option<u32>,
-    /// Range of the colours, low,high [default: from the data]
+    /// Range of the colours of heights and dimensions, low,high [default: from the data]
     #[arg(long, value_name = "LOW,HIGH", allow_hyphen_values = true)]
     pub(crate) range: Option<String>,
     /// Draw only points of these heights (z, in the unit of the file), e.g. ..2.2 for a room without its ceiling
@@ -71,7 +71,7 @@ pub(crate) struct Render {
     /// No hillshading
     #[arg(long)]
     pub(crate) no_shading: bool,
-    /// No legend, scale bar and title
+    /// No legend and scale bar
     #[arg(long)]
     pub(crate) no_legend: bool,
 }

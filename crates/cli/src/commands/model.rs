@@ -4,7 +4,7 @@ use super::{Context, sources};
 use crate::args::{Format, Model};
 use crate::exit_code::Failure;
 use scansion_core::classification::Predictor;
-use scansion_core::recipes::{Model as ModelFile, Regularise, RegulariseParams, Trained};
+use scansion_core::recipes::{Model as ModelFile, RegulariseParams, Trained};
 use std::fmt::Write;
 
 pub(crate) fn run(args: &Model, context: &Context<'_>) -> Result<(), Failure> {
@@ -68,9 +68,9 @@ fn table(model: &ModelFile, ranked: &[(&str, f64)]) -> String {
 /// The method that `classify` uses, and the strength of a field.
 fn regularisation(model: &ModelFile) -> String {
     let RegulariseParams { method, strength, .. } = model.fitted.regularise();
-    match method {
-        Regularise::PointCrf | Regularise::SegmentCrf => format!("{}, strength {strength}", method.name()),
-        _ => method.name().into(),
+    match method.has_strength() {
+        true => format!("{}, strength {strength}", method.name()),
+        false => method.name().into(),
     }
 }
 

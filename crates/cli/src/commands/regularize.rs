@@ -53,6 +53,12 @@ fn params(args: &Regularize) -> Result<RegulariseParams, Failure> {
     let base = RegulariseParams { method: Regularise::SegmentCrf, ..RegulariseParams::default() };
     let mut params = base.with_settings(args.set.iter().map(String::as_str))?;
     params.method = args.method.unwrap_or(params.method);
+    if let (Some(strength), false) = (args.strength, params.method.has_strength()) {
+        let method = params.method.name();
+        return Err(Failure::Usage(format!(
+            "--strength {strength}: the method {method} has none; point-crf and segment-crf do"
+        )));
+    }
     params.strength = args.strength.unwrap_or(params.strength);
     params.validate()?;
     Ok(params)

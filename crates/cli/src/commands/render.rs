@@ -21,6 +21,9 @@ pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
         io::check_output(&args.output.with_extension("pgw"))?;
     }
     let range = args.range.as_deref().map(range).transpose()?;
+    if args.view == ViewArg::Map && (args.azimuth.is_some() || args.elevation.is_some()) {
+        return Err(Failure::Usage("--azimuth and --elevation need --view oblique".into()));
+    }
     let inputs = sources::expanded(&args.inputs)?;
     let (mut cloud, notes) = io::read_together(&inputs, &context.read_options())?;
     notes.iter().for_each(|note| context.printer.note(note));
@@ -28,10 +31,19 @@ pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
         Some(truth) => differences(&mut cloud, (truth, args), context)?,
         None => ColourBy::named(args.by.as_deref(), &cloud),
     };
+    if range.is_some() && !matches!(by, ColourBy::Height | ColourBy::Dimension(_)) {
+        return Err(Failure::Usage("--range needs colours by height or by a dimension (--by)".into()));
+    }
+    let drawn = args.clip.map_or(cloud.len(), |range| {
+        (0..cloud.len()).filter(|&i| (range.low..=range.high).contains(&cloud.xyz(i)[2])).count()
+    });
     let params = RenderParams {
         view: match args.view {
             ViewArg::Map => View::Map,
-            ViewArg::Oblique => View::Oblique { azimuth_deg: args.azimuth, elevation_deg: args.elevation },
+            ViewArg::Oblique => View::Oblique {
+                azimuth_deg: args.azimuth.unwrap_or(30.0),
+                elevation_deg: args.elevation.unwrap_or(35.0),
+            },
         },
         by,
         width: args.width,
@@ -53,7 +65,7 @@ pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
         args.output.display(),
         image.width,
         image.height,
-        cloud.len()
+        drawn
     ));
     Ok(())
 }

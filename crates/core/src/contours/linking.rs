@@ -170,13 +170,6 @@ impl Scratch {
     }
 }
 
-impl Scratch {
-    /// The highest cost of the ends, which are numbered after the start.
-    fn dearest(&self, ends: usize) -> f64 {
-        self.reached[1..=ends].iter().fold(0.0, |most, end| most.max(end.cost))
-    }
-}
-
 struct Search<'a> {
     of: &'a Neighbourhood<'a>,
     steps: &'a Steps,
@@ -214,8 +207,6 @@ impl Search<'_> {
         scratch.reached[first as usize].cost = 0.0;
         scratch.queue.push(Reverse((0, start)));
         let mut missing = links.len();
-        // A node that costs as much as the dearest end known so far is on no shorter path to any.
-        let mut dearest = f64::INFINITY;
         while let Some(Reverse((bits, node))) = scratch.queue.pop() {
             let number = scratch.number[node as usize];
             match &mut scratch.reached[number as usize] {
@@ -229,21 +220,15 @@ impl Search<'_> {
                 return;
             }
             for &Step { to, cost } in self.steps.of(node) {
-                let cost = f64::from_bits(bits) + f64::from(cost);
-                if cost >= dearest {
-                    continue;
-                }
                 let known = match scratch.number[to as usize] {
                     UNKNOWN if self.apart(centre, to) > self.limit => continue,
                     UNKNOWN => scratch.add(to, false),
                     known => known,
                 };
+                let cost = f64::from_bits(bits) + f64::from(cost);
                 let at = &mut scratch.reached[known as usize];
                 if cost < at.cost {
                     (at.cost, at.before) = (cost, number);
-                    if at.end {
-                        dearest = scratch.dearest(links.len());
-                    }
                     scratch.queue.push(Reverse((cost.to_bits(), to)));
                 }
             }

@@ -58,9 +58,9 @@ pub struct ClassEdges {
 pub struct SegmentationError {
     /// Classes that have boundaries in the truth, ascending.
     pub classes: Vec<ClassEdges>,
-    /// Mean error of these classes (Eq. 11), 0 if there are none.
+    /// Mean error of these classes (Eq. 11), NaN if there are none.
     pub error: f64,
-    /// Mean precision of these classes, 0 if there are none.
+    /// Mean precision of these classes, NaN if there are none.
     pub precision: f64,
 }
 
@@ -190,7 +190,7 @@ pub fn compare_edges(
         precision: share(common, found),
     };
     let classes: Vec<ClassEdges> = (0..=255).zip(&counts).filter(|(_, c)| c[0] > 0).map(row).collect();
-    let mean = |value: fn(&ClassEdges) -> f64| classes.iter().map(value).sum::<f64>() / classes.len().max(1) as f64;
+    let mean = |value: fn(&ClassEdges) -> f64| classes.iter().map(value).sum::<f64>() / classes.len() as f64;
     Ok(SegmentationError { error: mean(|c| c.error), precision: mean(|c| c.precision), classes })
 }
 
@@ -238,6 +238,8 @@ mod tests {
             compare_edges(&lonely, &lonely, empty, &Monitor::default()).unwrap().classes.first().map(|c| c.reference)
         };
         assert_eq!((count(EmptyCells::Background), count(EmptyCells::Ignored)), (Some(9), None));
+        let nothing = compare_edges(&lonely, &lonely, EmptyCells::Ignored, &Monitor::default()).unwrap();
+        assert!(nothing.error.is_nan() && nothing.precision.is_nan());
     }
 
     #[test]

@@ -46,11 +46,14 @@ pub struct Normals {
 /// ```
 pub fn normals(points: &Positions, neighbours: &Neighbours, monitor: &Monitor) -> Result<Normals> {
     if neighbours.k() >= MOST {
-        return Err(Error::parameter("neighbours", neighbours.k(), "1..=32"));
+        return Err(Error::parameter("neighbours", neighbours.k(), "2..=32"));
     }
     if neighbours.k() > 0 && neighbours.len() != points.len() {
         let (rows, n) = (neighbours.len(), points.len());
         return Err(Error::input(format!("neighbours of {rows} points for a cloud of {n}")));
+    }
+    if neighbours.k() == 1 && points.len() > 2 {
+        return Err(Error::parameter("neighbours", 1, "2..=32"));
     }
     if neighbours.k() < 2 {
         return Ok(Normals { directions: vec![[0.0, 0.0, 1.0]; points.len()], variation: vec![0.0; points.len()] });
@@ -157,6 +160,13 @@ mod tests {
     }
 
     #[test]
+    fn one_neighbour_spans_no_plane() {
+        let (points, monitor) = (points(&[[0.0; 3], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), Monitor::default());
+        let near = knn(&points, 1, &monitor).unwrap();
+        assert!(normals(&points, &near, &monitor).unwrap_err().to_string().contains("2..=32"));
+    }
+
+    #[test]
     fn agree_with_the_reference_eigen_system() {
         let mut random = stream(3, 1);
         let rows: Vec<[f64; 3]> =
@@ -199,6 +209,6 @@ mod tests {
         let line: Vec<[f64; 3]> = (0..50).map(|i| [f64::from(i), 0.0, 0.0]).collect();
         let (points, monitor) = (points(&line), Monitor::default());
         let near = knn(&points, 33, &monitor).unwrap();
-        assert!(normals(&points, &near, &monitor).unwrap_err().to_string().contains("1..=32"));
+        assert!(normals(&points, &near, &monitor).unwrap_err().to_string().contains("2..=32"));
     }
 }

@@ -152,6 +152,10 @@ def check_whole(array: NDArray[Any], name: str, high: int, low: int = 0) -> None
 def whole_numbers(values: Any, name: str) -> NDArray[np.int64]:
     """``values`` as whole numbers of either sign, in an array of any shape."""
     array = unmasked(values, name)
+    if array.dtype.kind not in NUMBERS:
+        raise TypeError(f"{name}: expected whole numbers, found dtype {array.dtype}")
+    if array.dtype.kind == "u":
+        refuse(array > np.iinfo(np.int64).max, array, f"{name}: expected whole numbers below 2^63")
     if array.dtype.kind == "f":
         refuse((array != np.floor(array)) | ~(np.abs(array) < 2.0**63), array, f"{name}: expected whole numbers")
     return native(array, np.int64)

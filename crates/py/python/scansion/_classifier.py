@@ -15,7 +15,17 @@ from scansion import _core
 from scansion._arrays import column
 from scansion._base import Classifier
 from scansion._cloud import PointCloud, as_cloud
-from scansion._labels import check_kind, classes_of, encoded, is_text, listed, signed, texts
+from scansion._labels import (
+    check_kind,
+    classes_of,
+    encoded,
+    is_text,
+    listed,
+    no_classes,
+    numbers,
+    signed,
+    texts,
+)
 from scansion._model_file import has_text, mark_text
 from scansion._progress import Progress, following
 from scansion._settings import dotted_settings
@@ -291,13 +301,12 @@ class PointClassifier(Classifier):
 
     def _known(self, given: list[Any]) -> tuple[list[Any], list[str], bytes | None]:
         """Labels as numbers; the names of the codes if they were text; the codes that mean "unlabelled"."""
-        asked = None if self.unlabelled is None else list(self.unlabelled)
         if not any(y is not None and is_text(y) for y in given):
-            return given, [], None if asked is None else listed(asked)
+            return given, [], None if self.unlabelled is None else listed(self.unlabelled)
         if self.class_map:
             raise ValueError(f"class_map: found {self.class_map!r}, expected none: the labels are text")
         arrays = [texts(y, "labels") for y in given]
-        names = classes_of(arrays, asked or ())
+        names = classes_of(arrays, () if self.unlabelled is None else self.unlabelled)
         return [encoded(y, names) for y in arrays], names, b""
 
     def classify(
@@ -419,7 +428,7 @@ class PointClassifier(Classifier):
         unlabelled = self.unlabelled if self.unlabelled is not None else ()
         if labels is not None and is_text(labels):
             true = texts(labels, "labels", len(points))
-            skipped = {None, *unlabelled}
+            skipped = no_classes(unlabelled)
             known = np.array([text not in skipped for text in true.tolist()], dtype=bool)
             found: NDArray[Any] = self._texts(self.classify(points, divided=False, regularize=regularize).codes)
             return int((found[known] == true[known].astype(str)).sum()), int(known.sum()), len(points)
@@ -517,6 +526,7 @@ def _labelled(cloud: Any, labels: Any, reading: Reading) -> PointCloud:
     if labels is None and LABELS not in points.columns and LABELS in points:
         labels = points[LABELS]  # The column has another spelling.
     if labels is not None:
+        labels = numbers(labels, "labels")
         if reading.listed and not reading.text:
             _warn_of_unlabelled(points, labels, reading.class_map)
         points = points.copy()

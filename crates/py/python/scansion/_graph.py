@@ -9,6 +9,12 @@ from numpy.typing import NDArray
 
 from scansion._arrays import NUMBERS, native, unmasked
 
+_LARGE = 1000
+"""An offset of more than this many times the differences is subtracted from numbers before they become float32."""
+
+_NOISE = 1e-12
+"""Differences of less than this share of the offset are rounding errors of float64."""
+
 
 def as_edges(edges: Any) -> NDArray[np.uint32]:
     """``edges`` as ``(m, 2)`` of uint32."""
@@ -40,12 +46,62 @@ def as_weights(weights: Any, length: int, name: str = "weights") -> NDArray[np.f
 
 def as_rows(values: Any, name: str) -> NDArray[np.float32]:
     """``values`` as ``(n, width)`` of float32."""
+    return native(_rows(values, name), np.float32)
+
+
+def _rows(values: Any, name: str) -> NDArray[Any]:
     array = unmasked(values, name)
     if array.dtype.kind not in NUMBERS:
         raise TypeError(f"{name}: expected numbers, found dtype {array.dtype}")
     if array.ndim != 2 or array.shape[1] == 0:
         raise ValueError(f"{name}: expected shape (n, width) with a width of 1 or more, found {array.shape}")
-    return native(array, np.float32)
+    return array
+
+
+def _precise_rows(values: Any, name: str) -> NDArray[Any]:
+    """``values`` as ``(n, width)`` of float64, or of float32 if they are that already."""
+    array = _rows(values, name)
+    return array if array.dtype == np.float32 else array.astype(np.float64, copy=False)
+
+
+def relative_to_columns(values: Any, name: str) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """``values`` as ``(n, width)`` of float32, and what was subtracted from each column: 0, or a large offset.
+
+    >>> relative_to_columns([[1e8, 0.25], [1e8 + 1, 0.5]], "values")
+    (array([[0.  , 0.25],
+           [1.  , 0.5 ]], dtype=float32), array([1.e+08, 0.e+00]))
+    """
+    array = _precise_rows(values, name)
+    if not len(array):
+        return native(array, np.float32), np.zeros(array.shape[1])
+    with np.errstate(invalid="ignore", over="ignore"):
+        least = array.min(axis=0)
+        far = _are_offset(array.max(axis=0) - least, least)
+    offsets = np.where(far, least, 0)
+    return native(array - offsets if far.any() else array, np.float32), offsets.astype(np.float64)
+
+
+def relative_to_rows(costs: Any, name: str) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """``costs`` as ``(n, width)`` of float32, and what was subtracted from each row: 0, or a large offset.
+
+    >>> relative_to_rows([[1e8, 1e8 - 1], [0.5, 0.25]], "unary")
+    (array([[1.  , 0.  ],
+           [0.5 , 0.25]], dtype=float32), array([99999999.,        0.]))
+    """
+    array = _precise_rows(costs, name)
+    with np.errstate(invalid="ignore", over="ignore"):
+        least = array.min(axis=1, keepdims=True)
+        apart = array - least
+        far = _are_offset(apart, least).any(axis=1, keepdims=True)
+    offsets = np.where(far, least, 0)
+    return native(np.where(far, apart, array) if far.any() else array, np.float32), offsets.ravel().astype(np.float64)
+
+
+def _are_offset(apart: NDArray[Any], offset: NDArray[Any]) -> NDArray[np.bool_]:
+    """Whether differences are small beside the offset, so that float32 would round them."""
+    size = np.abs(offset)
+    found: NDArray[np.bool_] = (apart > _NOISE * size) & (apart < size / _LARGE)
+    return found
 
 
 def edges_between(
@@ -68,7 +124,9 @@ Valued = tuple[
 ]
 
 
-def valued(values: Any, edges: Any, weights: Any, node_weights: Any) -> Valued:
-    """A graph with values on its nodes: values, edges, weights of the edges and of the nodes."""
-    rows, pairs = as_rows(values, "values"), as_edges(edges)
-    return rows, pairs, as_weights(weights, len(pairs)), as_weights(node_weights, len(rows), "node_weights")
+def valued(values: Any, edges: Any, weights: Any, node_weights: Any) -> tuple[Valued, NDArray[np.float64]]:
+    """A graph with values on its nodes: values, edges, weights of the edges and of the nodes; and what was subtracted from
+    each column of the values."""
+    (rows, offsets), pairs = relative_to_columns(values, "values"), as_edges(edges)
+    each = as_weights(weights, len(pairs)), as_weights(node_weights, len(rows), "node_weights")
+    return (rows, pairs, *each), offsets

@@ -30,6 +30,18 @@ def check_kind(values: Any, classes: NDArray[Any], name: str) -> None:
         raise ValueError(f"{name}: found {kinds[0]}, expected {kinds[1]}, which is what the model learned")
 
 
+def numbers(values: Any, name: str) -> NDArray[Any]:
+    """Labels that are numbers, as an array; NaN for None.
+
+    >>> numbers([2, None], "labels")
+    array([ 2., nan])
+    """
+    array = unmasked(values, name)
+    if array.dtype.kind != "O":
+        return array
+    return np.array([np.nan if value is None else value for value in array.tolist()])
+
+
 def texts(values: Any, name: str, length: int | None = None) -> NDArray[np.object_]:
     """Labels as text, one a point; None for missing ones (None or NaN)."""
     array = unmasked(values, name)
@@ -47,9 +59,19 @@ def texts(values: Any, name: str, length: int | None = None) -> NDArray[np.objec
     return found
 
 
+def no_classes(unlabelled: Iterable[Any]) -> set[str | None]:
+    """Labels that are no class although they are text: those that mean "unlabelled", and None."""
+    if isinstance(unlabelled, (str, bytes)):
+        raise TypeError(f"unlabelled: found {unlabelled!r}, expected a list of labels")
+    listed = list(unlabelled)
+    array = np.empty(len(listed), dtype=object)
+    array[:] = listed
+    return {None, *texts(array, "unlabelled").tolist()}
+
+
 def classes_of(labels: Iterable[NDArray[np.object_]], unlabelled: Iterable[Any]) -> list[str]:
     """The texts that are classes, in alphabetical order."""
-    missing = {None, *unlabelled}
+    missing = no_classes(unlabelled)
     found = sorted({text for array in labels for text in set(array.tolist()) if text not in missing})
     if len(found) > MOST:
         raise ValueError(f"labels: found {len(found)} different texts, expected at most {MOST} classes")
@@ -69,18 +91,19 @@ def signed(
 
     Codes above 255 need an entry in the map. None is the map of a function that takes none.
     """
-    array = column(values, name, length)
+    array = column(numbers(values, name), name, length)
     known = array >= 0
     large = array >= MOST
     beyond = _beyond(array[large], name, changes)
     changes = changes or ""
     array = np.where(large, 0, array)
     table = np.frombuffer(_core.mapped_codes(changes), dtype=np.uint8).astype(np.int16)
-    for code in listed(unlabelled):
+    skipped = listed(unlabelled)
+    for code in skipped:
         table[table == code] = -1
     found = np.full(len(array), -1, dtype=np.int16)
     found[known] = table[codes(np.where(known, array, 0), name)[known]]
-    missing = np.frombuffer(listed(unlabelled), dtype=np.uint8)
+    missing = np.frombuffer(skipped, dtype=np.uint8)
     found[large] = np.where(np.isin(beyond, missing), -1, beyond)
     return found
 

@@ -139,7 +139,7 @@ def partition(
     >>> found.labels.tolist()
     [0, 0, 1, 1]
     """
-    given = valued(values, edges, weights, node_weights)
+    given, _ = valued(values, edges, weights, node_weights)
     codes = None if labels is None else signed(labels, "labels")
     cloud = None if xyz is None else as_cloud(xyz, columns=[])._core
     settings = to_json((params or PartitionParams()).settings(), ("strength",))

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scansion import _validation
 from scansion._arrays import unmasked
 from scansion._base import Classifier
-from scansion._labels import check_kind
+from scansion._labels import check_kind, is_text, texts
 
 Self = TypeVar("Self", bound="TableClassifier")
 
@@ -130,6 +130,8 @@ class TableClassifier(Classifier):
         found = self.predict(X)
         labels = _validation.labels(y, len(found), type(self).__name__)
         check_kind(labels, self.classes_, "y")
+        if is_text(labels) and not labels.dtype.kind == found.dtype.kind == "U":
+            labels, found = texts(labels, "y"), texts(found, "y")
         right = found == labels
         return float(np.average(right, weights=None if sample_weight is None else unmasked(sample_weight, "sample_weight")))
 

@@ -14,7 +14,7 @@ from scansion import _core
 from scansion._arrays import choice, codes, mask, to_json, unmasked
 from scansion._classifier import PointClassifier
 from scansion._cloud import PointCloud, as_cloud
-from scansion._settings import dotted_settings, seed, whole
+from scansion._settings import dotted_settings, seed, share, whole
 
 __all__ = [
     "Contours",
@@ -97,9 +97,9 @@ class Contours:
         path : path
             ``.dxf``, ``.gpkg``, ``.geojson``, ``.obj`` or ``.ply``.
         min_confidence : float
-            Lines of a lower confidence are left out.
+            Lines of a lower confidence are left out, 0..1.
         """
-        self._core.write(os.fspath(path), float(min_confidence))
+        self._core.write(os.fspath(path), share(min_confidence, "min_confidence"))
 
 
 def extract(
@@ -186,13 +186,18 @@ class Stages:
         Parameters
         ----------
         settings : mapping, optional
-            Settings of the model's recipe below ``trace``, as ``{"trace.field.bias": 1.0}``: fewer contours.
+            Settings of the model's recipe below ``trace``, as ``{"trace.field.bias": 1.0}``: fewer contours. Others are for
+            `stages`.
 
         Returns
         -------
         Contours
         """
-        return Contours(self._core.lines(dotted_settings(dict(settings or {}))))
+        own = dotted_settings(dict(settings or {}))
+        for key in (setting.split("=")[0] for setting in own):
+            if not key.startswith("trace."):
+                raise ValueError(f"settings: found {key}, expected keys below trace; others need new stages")
+        return Contours(self._core.lines(own))
 
     def candidates(self, reference: Lines, *, unsure: Lines = ()) -> NDArray[np.float32]:
         """The candidates beside lines of a reference.
@@ -217,14 +222,15 @@ def stages(
     *,
     without: Sequence[int] = (),
     settings: Mapping[str, Any] | None = None,
+    metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> Stages:
     """Rates points and candidates as `extract` does, to draw lines with several settings.
 
     Parameters
     ----------
-    cloud, model, without, settings, n_jobs
-        As for `extract`.
+    cloud, model, without, settings, metres_per_unit, n_jobs
+        As for `extract`; a voxel is given as ``settings={"voxel": 0.05}``.
 
     Returns
     -------
@@ -244,7 +250,7 @@ def stages(
         "recipe": dotted_settings(dict(settings or {})),
         "without": [whole(code, "without", 0) for code in without],
         "min_confidence": 0.0,
-        "metres_per_unit": None,
+        "metres_per_unit": metres_per_unit,
     }
     core = None if model is None else model._model
     return Stages(_core.contour_stages(as_cloud(cloud)._core, core, to_json(params), n_jobs))

@@ -17,7 +17,7 @@ from scansion import _core
 from scansion._arrays import choice, in_segments, to_json
 from scansion._cloud import as_cloud
 from scansion._graph import as_edges, edges_between
-from scansion._labels import classes_of, encoded, is_text, signed, texts
+from scansion._labels import classes_of, encoded, is_text, no_classes, signed, texts
 
 __all__ = [
     "boundary_scores",
@@ -52,7 +52,7 @@ def _pair(
         true = texts(truth, "truth")
         given = texts(predicted, "predicted", len(true))
         names = classes_of([true, given], ())
-        missing = set(unlabelled)
+        missing = no_classes(unlabelled)
         kept = encoded(true, names)
         kept[[text in missing for text in true.tolist()]] = -1
         return _Pair(kept, encoded(given, names), names)
@@ -212,7 +212,8 @@ def segmentation_error(
     Returns
     -------
     error : dict
-        ``error`` (1 - boundary recall, mean over the classes), ``precision``, and the same for each of the ``classes``.
+        ``error`` (1 - boundary recall, mean over the classes), ``precision``, and the same for each of the ``classes`` with
+        its ``code`` and ``name``. NaN where there is nothing to compare, as without a boundary in ``truth``.
 
     Examples
     --------
@@ -227,13 +228,26 @@ def segmentation_error(
     cloud = as_cloud(xyz, columns=[])
     of, kept = in_segments(labels, "labels", len(cloud))
     settings = to_json({"cell": cell, "empty": empty})
-    codes_of = _pair(truth, truth, unlabelled).truth
+    pair = _pair(truth, truth, unlabelled)
+    codes_of = pair.truth
     if len(codes_of) != len(cloud):
         raise ValueError(f"truth: expected shape ({len(cloud)},), found ({len(codes_of)},)")
     if kept is not None:
         cloud, codes_of = cloud[kept], codes_of[kept]
     found: dict[str, Any] = json.loads(_core.segmentation_error(cloud._core, of, codes_of, settings))
-    return found
+    classes = [_with_nan(row) for row in _named(found["classes"], pair)]
+    return {**_with_nan(found), "classes": classes}
+
+
+def _named(rows: list[dict[str, Any]], pair: _Pair) -> list[dict[str, Any]]:
+    """Rows of classes with the names that `scores` gives to their codes."""
+    names = {label["code"]: label["name"] for label in json.loads(_core.scores(*pair))["labels"]}
+    return [{"code": row["code"], "name": names[row["code"]], **row} for row in rows]
+
+
+def _with_nan(found: dict[str, Any]) -> dict[str, Any]:
+    """The same with NaN for what JSON calls null."""
+    return {key: np.nan if value is None else value for key, value in found.items()}
 
 
 def one_vs_rest(
@@ -258,7 +272,7 @@ def one_vs_rest(
     Returns
     -------
     rows : list of dict
-        ``code``, ``precision``, ``sensitivity``, ``specificity`` and ``accuracy`` of each class.
+        ``code``, ``name``, ``precision``, ``sensitivity``, ``specificity`` and ``accuracy`` of each class.
 
     Examples
     --------
@@ -266,10 +280,8 @@ def one_vs_rest(
     >>> [row["specificity"] for row in one_vs_rest([2, 2, 6, 6], [2, 6, 6, 6])]
     [1.0, 0.5]
     """
-    rows: list[dict[str, Any]] = json.loads(
-        _core.one_vs_rest(*_pair(truth, predicted, unlabelled, (map_truth, map_predicted)))
-    )
-    return rows
+    pair = _pair(truth, predicted, unlabelled, (map_truth, map_predicted))
+    return _named(json.loads(_core.one_vs_rest(*pair)), pair)
 
 
 def purities(labels: ArrayLike, truth: ArrayLike, unlabelled: Iterable[Any] = ()) -> NDArray[np.float64]:

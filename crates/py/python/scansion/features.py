@@ -291,7 +291,8 @@ def radius(
     settings = {"radii": given, "shape": shape, "divisor": divisor, "normalise": normalise}
     wanted = radius_names() if features is None else list(features)
     cloud = as_cloud(xyz, columns=[])
-    return _core.radius_features(cloud._core, wanted, to_json(settings), metres_per_unit, n_jobs)
+    found = _core.radius_features(cloud._core, wanted, to_json(settings), metres_per_unit, n_jobs)
+    return found if wanted else found.reshape(len(cloud), 0)
 
 
 def radius_names() -> list[str]:

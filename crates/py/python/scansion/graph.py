@@ -51,7 +51,7 @@ def knn_graph(
     scale : float
         For "exponential"; above 0.
     multiplicity : {"once", "count"}
-        Whether points that are neighbours of each other have an edge of twice the weight.
+        Whether points that are neighbours of each other have an edge of twice the weight, which then counts twice in mean.
     prune : float, optional
         Edges longer than this multiple of the mean length are removed.
     metres_per_unit : float, optional
@@ -116,7 +116,7 @@ def minimum_spanning_tree(
     nodes : int
         Number of nodes.
     edges : array_like of shape (m, 2)
-        Pairs of nodes in any order; pairs that occur more than once are one edge with the sum of the weights.
+        Pairs of nodes in any order; of pairs that occur more than once the smallest weight counts.
     weights : array_like of shape (m,), optional
         Weights of the edges; finite, 0 or more; 1 by default.
 

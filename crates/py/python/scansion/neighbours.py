@@ -23,6 +23,9 @@ def knn(
 ) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
     """The ``k`` nearest other points of every point, exactly.
 
+    Points are compared in float32 metres relative to a corner of the cloud, so that of two neighbours whose distances differ
+    by 1e-7 of the extent either may be the nearer one.
+
     Parameters
     ----------
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)

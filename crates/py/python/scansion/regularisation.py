@@ -1,7 +1,8 @@
 """Regularisation: neighbours that agree, labellings of least energy, and smoothed probabilities.
 
 The energy of labels is ``sum_i unary[i, l_i] + strength * sum_(i,j) weights_ij * distance(l_i, l_j)``, plus the costs of
-the labels that occur.
+the labels that occur. Computed from costs in float32, after subtraction of the least cost of a node where that is more than
+1000 times its distance to another cost of the node.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from scansion import _core
 from scansion._arrays import as_array, choice, finite, to_json, unmasked
 from scansion._cloud import as_cloud
-from scansion._graph import as_edges, as_rows, as_weights
+from scansion._graph import as_edges, as_rows, as_weights, relative_to_rows
 from scansion._settings import dotted_settings, together
 
 __all__ = [
@@ -59,6 +60,9 @@ class Regularized(NamedTuple):
 
 METHODS = ("none", "local", "point-crf", "consensus", "segment-crf")
 
+_FIELDS = ("point-crf", "segment-crf")
+"""The methods that use the strength."""
+
 
 def regularize(
     xyz: Any,
@@ -85,7 +89,7 @@ def regularize(
         "local": the mean of the neighbours' probabilities; "point-crf": a random field on the points; "consensus": the most
         probable class of each segment; "segment-crf": a random field on the segments.
     strength : float, optional
-        Cost of an edge between different labels; None: 1.
+        Cost of an edge between different labels, for "point-crf" and "segment-crf" only; None: 1.
     settings : mapping, optional
         Other settings of the section ``regularise`` of recipes, e.g. ``{"neighbours": 15}``.
     metres_per_unit : float, optional
@@ -108,6 +112,8 @@ def regularize(
     """
     choice(method, "method", METHODS)
     given = together(settings, method=method, strength=strength)
+    if "strength" in given and method not in _FIELDS:
+        raise ValueError(f"strength: found {given['strength']!r}, expected none: the method {method!r} does not use it")
     rows = finite(as_rows(probabilities, "probabilities"), "probabilities")
     cloud = as_cloud(xyz, columns=[])._core
     return Regularized(*_core.regularize(cloud, rows, dotted_settings(given, "regularise."), metres_per_unit, n_jobs))
@@ -164,10 +170,10 @@ def alpha_expansion(
     >>> found.labels.tolist(), round(found.energy, 6), found.converged
     ([0, 0, 0], 0.3, True)
     """
-    problem = _problem(unary, edges, weights)
+    problem, offset = _problem(unary, edges, weights)
     costs = {"label_costs": _label_costs(label_costs)}
     text = to_json({**_settings(problem, strength, distances), **costs, "max_rounds": max_rounds, "starts": starts})
-    return Labelling(*_core.alpha_expansion(problem, text, n_jobs))
+    return _labelling(_core.alpha_expansion(problem, text, n_jobs), offset)
 
 
 def alpha_beta_swap(
@@ -212,9 +218,9 @@ def alpha_beta_swap(
     >>> regularisation.alpha_beta_swap([[0, 1], [0.3, 0], [0, 1]], [[0, 1], [1, 2]]).labels.tolist()
     [0, 0, 0]
     """
-    problem = _problem(unary, edges, weights)
+    problem, offset = _problem(unary, edges, weights)
     text = to_json({**_settings(problem, strength, distances), "max_rounds": max_rounds})
-    return Labelling(*_core.alpha_beta_swap(problem, text, n_jobs))
+    return _labelling(_core.alpha_beta_swap(problem, text, n_jobs), offset)
 
 
 def icm(
@@ -256,9 +262,9 @@ def icm(
     >>> regularisation.icm([[0, 1], [0.3, 0], [0, 1]], [[0, 1], [1, 2]]).labels.tolist()
     [0, 0, 0]
     """
-    problem = _problem(unary, edges, weights)
+    problem, offset = _problem(unary, edges, weights)
     text = to_json({**_settings(problem, strength, distances), "max_rounds": max_rounds})
-    return Labelling(*_core.icm(problem, text))
+    return _labelling(_core.icm(problem, text), offset)
 
 
 def energy(
@@ -306,10 +312,10 @@ def energy(
         raise ValueError(f"labels: expected whole numbers of shape (n,), found {array.dtype} {array.shape}")
     if array.size and not (array.min() >= 0 and array.max() <= 0xFFFF):
         raise ValueError(f"labels: expected 0..65535, found {array.min()} and {array.max()}")
-    problem = _problem(unary, edges, weights)
+    problem, offset = _problem(unary, edges, weights)
     costs = {"label_costs": _label_costs(label_costs)}
     text = to_json({**_settings(problem, strength, distances), **costs})
-    return _core.energy(problem, np.ascontiguousarray(array, np.uint16), text)
+    return _core.energy(problem, np.ascontiguousarray(array, np.uint16), text) + offset
 
 
 def local_smoothing(
@@ -353,9 +359,16 @@ def local_smoothing(
 _Problem = tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32] | None]
 
 
-def _problem(unary: Any, edges: Any, weights: Any) -> _Problem:
+def _problem(unary: Any, edges: Any, weights: Any) -> tuple[_Problem, float]:
+    """The arrays of a problem, and the energy that was subtracted from all labellings of it."""
     pairs = as_edges(edges)
-    return as_rows(unary, "unary"), pairs, as_weights(weights, len(pairs))
+    costs, offsets = relative_to_rows(unary, "unary")
+    return (costs, pairs, as_weights(weights, len(pairs))), float(offsets.sum())
+
+
+def _labelling(found: tuple[NDArray[np.uint16], float, bool], offset: float) -> Labelling:
+    labels, least, converged = found
+    return Labelling(labels, least + offset, converged)
 
 
 def _settings(problem: _Problem, strength: float, distances: Any) -> dict[str, Any]:

@@ -1,4 +1,8 @@
-"""Segmentation of graphs and of clouds."""
+"""Segmentation of graphs and of clouds.
+
+Values of nodes are used in float32, after subtraction of the minimum of a column where that is more than 1000 times the
+range of the column.
+"""
 
 from __future__ import annotations
 
@@ -154,11 +158,8 @@ def cut_pursuit(
             "moves": moves,
         },
     }
-    return Segments(
-        *_core.cut_pursuit(
-            valued(values, edges, weights, node_weights), to_json(settings, ("strength", "cutoff")), n_jobs
-        )
-    )
+    given, offsets = valued(values, edges, weights, node_weights)
+    return _segments(_core.cut_pursuit(given, to_json(settings, ("strength", "cutoff")), n_jobs), offsets)
 
 
 def merge(
@@ -200,4 +201,13 @@ def merge(
     [0, 0, 1, 1]
     """
     settings = to_json({"strength": strength, "cutoff": cutoff}, ("strength", "cutoff"))
-    return Segments(*_core.merge_regions(valued(values, edges, weights, node_weights), settings))
+    given, offsets = valued(values, edges, weights, node_weights)
+    return _segments(_core.merge_regions(given, settings), offsets)
+
+
+def _segments(
+    found: tuple[NDArray[np.uint32], NDArray[np.float64], float], offsets: NDArray[np.float64]
+) -> Segments:
+    """Segments whose centroids are means of the values as they were given."""
+    labels, centroids, least = found
+    return Segments(labels, centroids + offsets, least)

@@ -16,21 +16,25 @@ const SHARE: f64 = 0.1;
 /// Points with their classes.
 pub(super) struct Sides<'a> {
     positions: &'a Positions,
-    /// Class of each point.
-    codes: Vec<u8>,
+    /// Class of each point, if it has one.
+    codes: Vec<Option<u8>>,
 }
 
-/// The class of each point of a cloud: that of the caller, else the cloud's own; `None` if there is none.
+/// The class of each point of a cloud: that of the caller, else the cloud's own, in which negative numbers and NaN are no
+/// class; `None` if there are no classes.
 ///
 /// # Errors
-/// If there is not one class a point.
-pub(super) fn codes_of(cloud: &Cloud, given: Option<&[u8]>) -> Result<Option<Vec<u8>>> {
-    let all: Vec<u8> = match (given, cloud.column(names::CLASSIFICATION)) {
-        (Some(codes), _) => codes.to_vec(),
+/// If there is not one class a point, or a number is no class.
+pub(super) fn codes_of(cloud: &Cloud, given: Option<&[u8]>) -> Result<Option<Vec<Option<u8>>>> {
+    let all: Vec<Option<u8>> = match (given, cloud.column(names::CLASSIFICATION)) {
+        (Some(codes), _) => codes.iter().copied().map(Some).collect(),
         (None, Some(Column { values, .. })) => {
             let code = |i| match values.get(i) {
-                code if code > 255.0 => Err(Error::input(format!("point {i} has class {code} (allowed: up to 255)"))),
-                code => Ok(code as u8),
+                code if code.is_nan() || code < 0.0 => Ok(None),
+                code if code > 255.0 || code.fract() > 0.0 => {
+                    Err(Error::input(format!("point {i} has class {code} (allowed: whole numbers up to 255)")))
+                }
+                code => Ok(Some(code as u8)),
             };
             (0..cloud.len()).map(code).collect::<Result<_>>()?
         }
@@ -47,9 +51,10 @@ pub(super) fn codes_of(cloud: &Cloud, given: Option<&[u8]>) -> Result<Option<Vec
 
 impl<'a> Sides<'a> {
     /// Scaled points with their classes; `None` if there is only one class.
-    pub(super) fn of(points: &'a Points, all: &[u8]) -> Option<Self> {
-        let codes: Vec<u8> = points.frame.index.iter().map(|&i| all[i as usize]).collect();
-        let several = codes.windows(2).any(|pair| pair[0] != pair[1]);
+    pub(super) fn of(points: &'a Points, all: &[Option<u8>]) -> Option<Self> {
+        let codes: Vec<Option<u8>> = points.frame.index.iter().map(|&i| all[i as usize]).collect();
+        let first = codes.iter().flatten().next();
+        let several = codes.iter().flatten().any(|code| Some(code) != first);
         several.then_some(Self { positions: &points.positions, codes })
     }
 
@@ -72,7 +77,9 @@ impl<'a> Sides<'a> {
         let limit = (REACH * REACH * VOXEL * VOXEL) as f32;
         for piece in watched(self.positions.len(), monitor) {
             for i in piece?.filter(|&i| near.squared_distances(i)[0] <= limit) {
-                *counts[of[near.of(i)[0] as usize]].entry(self.codes[i]).or_default() += 1;
+                if let Some(code) = self.codes[i] {
+                    *counts[of[near.of(i)[0] as usize]].entry(code).or_default() += 1;
+                }
             }
         }
         Ok(counts.iter().map(pair_of).collect())

@@ -48,9 +48,9 @@ pub(super) fn rate(
 
 impl RatedPoints {
     /// Points of these classes lie on no contour; `codes` are those of all points of the cloud.
-    pub(super) fn leave_out(&mut self, codes: &[u8], classes: &[u8]) {
+    pub(super) fn leave_out(&mut self, codes: &[Option<u8>], classes: &[u8]) {
         for (row, &index) in self.probabilities.chunks_exact_mut(2).zip(&self.points.frame.index) {
-            if classes.contains(&codes[index as usize]) {
+            if codes[index as usize].is_some_and(|code| classes.contains(&code)) {
                 (row[CONTOUR], row[1 - CONTOUR]) = (0.0, 1.0);
             }
         }

@@ -40,8 +40,8 @@ pub struct ContourStages {
     pub probabilities: Vec<f32>,
     pub(super) points: Points,
     pub(super) scale: Scale,
-    /// Class of each point of the cloud, if it has one.
-    pub(super) codes: Option<Vec<u8>>,
+    /// Class of each point of the cloud that has one, if there are classes.
+    pub(super) codes: Option<Vec<Option<u8>>>,
     pub(super) min_confidence: f32,
     pub(super) warnings: Vec<String>,
 }
@@ -73,7 +73,12 @@ pub(in crate::recipes) fn stages_of(
     let codes = codes_of(cloud, params.codes.as_deref())?;
     let mut rated = rate(recipe, &scene, stage(trained)?, monitor)?;
     match &codes {
-        Some(codes) => rated.leave_out(codes, &params.without),
+        Some(codes) => {
+            for class in params.without.iter().filter(|&&class| !codes.contains(&Some(class))) {
+                monitor.warn(format!("no point has class {class}, which is to be left out"));
+            }
+            rated.leave_out(codes, &params.without);
+        }
         None if params.without.is_empty() => {}
         None => return Err(Error::input("there are no classes of points to leave out (classify the cloud first)")),
     }

@@ -42,6 +42,11 @@ impl Regularise {
         }
     }
 
+    /// Whether its result depends on `strength`.
+    pub fn has_strength(self) -> bool {
+        matches!(self, Self::PointCrf | Self::SegmentCrf)
+    }
+
     /// Whether it gives one label to each segment.
     pub(in crate::recipes) fn has_segments(self) -> bool {
         matches!(self, Self::Consensus | Self::SegmentCrf)

@@ -38,7 +38,7 @@ pub struct CutPursuit {
     pub partition: Partition,
     /// Mean of each segment, `width` values each.
     pub centroids: Vec<f64>,
-    /// Q of the iterate of least energy, before the cutoff.
+    /// Q of the partition: fit + strength · boundary. With a cutoff it may be above that of the last iterate.
     pub energy: f64,
     /// Iterations of splitting and merging over all cycles.
     pub iterations: usize,
@@ -80,7 +80,10 @@ pub fn cut_pursuit(signal: &Signal, graph: &Graph, params: &CutPursuitParams, mo
         }
         None => in_cycles(signal, graph, params, monitor)?,
     };
-    found.partition = absorb_small(objective, found.partition, params.cutoff, monitor)?;
+    if params.cutoff > 0.0 {
+        found.partition = absorb_small(objective, found.partition, params.cutoff, monitor)?;
+        found.energy = energy(objective, &found.partition, monitor)?;
+    }
     found.centroids = Regions::of_segments(signal, &found.partition, monitor)?.into_means();
     Ok(found)
 }
@@ -89,6 +92,7 @@ pub fn cut_pursuit(signal: &Signal, graph: &Graph, params: &CutPursuitParams, mo
 mod tests {
     use super::*;
     use crate::random::{Stream, stream};
+    use crate::segmentation::{MergeParams, merge};
 
     const STRENGTH: f64 = 0.5;
 
@@ -212,6 +216,18 @@ mod tests {
             exact += usize::from(found.energy < best + 1e-9);
         }
         assert!(exact >= 25, "only {exact} of 40 optimal");
+    }
+
+    #[test]
+    fn the_energy_is_that_of_the_partition_after_the_cutoff() {
+        let (signal, graph) = (Signal::new(&[0.0, 1.0, 50.0, 60.0], 1).unwrap(), chain(4));
+        let params = CutPursuitParams { strength: 0.01, cutoff: 2.0, ..Default::default() };
+        let found = cut_pursuit(&signal, &graph, &params, &Monitor::default()).unwrap();
+        assert_eq!(found.partition.segments(), [0, 0, 1, 1]);
+        assert!((found.energy - (0.5 + 50.0 + 0.01)).abs() < 1e-9, "{}", found.energy);
+        let params = MergeParams { strength: 0.01, cutoff: 2.0 };
+        let merged = merge(&signal, &graph, &params, &Monitor::default()).unwrap();
+        assert!((merged.energy - found.energy).abs() < 1e-9 && merged.partition == found.partition);
     }
 
     #[test]

@@ -62,7 +62,7 @@ pub struct Merge {
     pub partition: Partition,
     /// Mean of each segment, `width` values each.
     pub centroids: Vec<f64>,
-    /// Q of the partition before the cutoff: fit + strength · boundary.
+    /// Q of the partition: fit + strength · boundary.
     pub energy: f64,
 }
 
@@ -95,8 +95,8 @@ pub fn merge(signal: &Signal, graph: &Graph, params: &MergeParams, monitor: &Mon
         }
     };
     let objective = Objective { signal, graph, strength: params.strength };
-    let energy = energy(objective, &partition, monitor)?;
     let partition = absorb_small(objective, partition, params.cutoff, monitor)?;
+    let energy = energy(objective, &partition, monitor)?;
     let centroids = Regions::of_segments(signal, &partition, monitor)?.into_means();
     Ok(Merge { partition, centroids, energy })
 }

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scansion import _core
 from scansion._arrays import choice, to_json, unmasked, whole_numbers
 from scansion._settings import seed, whole
-from scansion.nn._tensor import SparseTensor
+from scansion.nn._tensor import Entries, SparseTensor
 
 
 class Sites:
@@ -170,13 +170,11 @@ def _direct(tensor: SparseTensor, weights: Any, bias: Any, density: float | None
     bias = np.ascontiguousarray([] if bias is None else unmasked(bias, "bias"), np.float32)
     selection = None if density is None else {"attention": attention, "density": float(density)}
     layer = {"shape": list(tensor.shape), "size": weights.shape[2], "outputs": weights.shape[0], "selection": selection}
-    return *_entries(tensor, "tensor"), np.ascontiguousarray(weights).ravel(), bias, to_json(layer)
+    return Entries.of(tensor, "tensor"), np.ascontiguousarray(weights).ravel(), bias, to_json(layer)
 
 
-def _entries(tensor: SparseTensor, name: str) -> tuple[NDArray[np.uint64], NDArray[np.float32]]:
-    """Keys and values as the core takes them."""
-    keys, values = unmasked(tensor.keys, f"{name}.keys"), unmasked(tensor.values, f"{name}.values")
-    return np.ascontiguousarray(keys, np.uint64), np.ascontiguousarray(values, np.float32)
+def _output_shape(tensor: SparseTensor, weights: Any) -> tuple[int, ...]:
+    return (tensor.shape[0], np.shape(weights)[0], *tensor.shape[2:])
 
 
 def sparse_convolution(
@@ -194,7 +192,7 @@ def sparse_convolution(
     Parameters
     ----------
     tensor : SparseTensor
-        The input.
+        The input, its entries in any order.
     weights : array of shape (outputs, inputs, size, ..., size)
         Weights, as in torch; ``size`` is odd, at most 15, once for each axis.
     bias : array of shape (outputs,) or None
@@ -221,9 +219,9 @@ def sparse_convolution(
            [0., 6., 5.],
            [0., 5., 0.]], dtype=float32)
     """
-    keys, values, flat, own, layer = _direct(tensor, weights, bias, density, attention)
-    found = _core.sparse_convolution(keys, values, flat, own, layer, n_jobs)
-    return SparseTensor(*found, (tensor.shape[0], np.shape(weights)[0], *tensor.shape[2:]))
+    entries, flat, own, layer = _direct(tensor, weights, bias, density, attention)
+    found = _core.sparse_convolution(entries.keys, entries.values, flat, own, layer, n_jobs)
+    return SparseTensor(*found, _output_shape(tensor, weights))
 
 
 def sparse_convolution_gradient(
@@ -245,11 +243,18 @@ def sparse_convolution_gradient(
     Returns
     -------
     tuple of arrays
-        With respect to the values of the tensor, the weights (0 for those that are 0), and the bias (empty without one).
+        With respect to the values of the tensor, in their order, the weights (0 for those that are 0), and the bias (empty
+        without one).
     """
-    keys, values, flat, own, layer = _direct(tensor, weights, bias, None, "positive")
-    towards = _entries(gradient, "gradient")
-    of_values, of_weights, of_bias = _core.sparse_gradient(keys, values, flat, own, *towards, layer, n_jobs)
+    entries, flat, own, layer = _direct(tensor, weights, bias, None, "positive")
+    if tuple(gradient.shape) != _output_shape(tensor, weights):
+        raise ValueError(f"gradient: found shape {gradient.shape}, expected {_output_shape(tensor, weights)}")
+    towards = Entries.of(gradient, "gradient")
+    ascending, of_weights, of_bias = _core.sparse_gradient(
+        entries.keys, entries.values, flat, own, towards.keys, towards.values, layer, n_jobs
+    )
+    of_values = np.empty_like(ascending)
+    of_values[entries.order] = ascending
     return of_values, of_weights.reshape(np.shape(weights)), of_bias
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import re
@@ -23,6 +24,8 @@ from scansion._settings import seed, share, together, whole
 from scansion.nn._samples import samples
 
 Self = TypeVar("Self", bound="VoxelClassifier")
+
+_NETWORKS = ("modelnet", "mnist", "modelnet-paper", "mnist-paper")
 
 
 class VoxelClassifier(Classifier):
@@ -135,7 +138,7 @@ class VoxelClassifier(Classifier):
             Labels: whole numbers or texts.
         checkpoint : path, optional
             After each epoch all that is needed to go on is written to this file. If it exists already, training goes on from
-            it and ends with a bit-identical network; it must be of the same objects and settings.
+            it and ends with a bit-identical network; it must be of the same objects and settings, and of no more epochs.
         progress : bool or callable, optional
             As `scansion.progress`.
         """
@@ -148,6 +151,9 @@ class VoxelClassifier(Classifier):
         path = None if checkpoint is None else os.fspath(checkpoint)
         if path is not None and os.path.exists(path):
             training.resume(path, objects)
+            if training.epochs() > settings["learning"]["epochs"]:
+                expected = f"at most the {settings['learning']['epochs']} to be done: raise epochs or use another file"
+                raise ValueError(f"checkpoint: found {path} after {training.epochs()} epochs, expected {expected}")
         history: list[dict[str, Any]] = []
         with following(progress):
             while training.epochs() < settings["learning"]["epochs"]:
@@ -232,14 +238,19 @@ class VoxelClassifier(Classifier):
     def load(cls: type[Self], path: str | os.PathLike[str]) -> Self:
         """A network from a file that `save` wrote.
 
+        Parameters are those that give a network of the same shape, so that a clone is fitted with it: `network` (that of the
+        names which is nearest), `resolution`, `density`, `dense` and the rest in `settings`. The file has none of the training
+        (epochs, learning rate, seed and others), which are those of `network`.
+
         Parameters
         ----------
         path : path
             A file of a version that did not store the type of labels has whole numbers as classes if all names are.
         """
-        own = cls()
-        own._model = _core.ObjectModel.load(os.fspath(path))
-        about = json.loads(own._model.about())
+        model = _core.ObjectModel.load(os.fspath(path))
+        about = json.loads(model.about())
+        own = cls(**_parameters(about["network"], about["shape"]))
+        own._model = model
         own.classes_ = _labels(about["classes"], about.get("labels"))
         own.shape_ = about["shape"]
         own.settings_ = {"network": about["network"]}
@@ -268,6 +279,22 @@ class VoxelClassifier(Classifier):
                 path = Path(folder, "network")
                 path.write_bytes(state["_model"])
                 self._model = _core.ObjectModel.load(os.fspath(path))
+
+
+def _parameters(network: dict[str, Any], shape: dict[str, Any]) -> dict[str, Any]:
+    """The parameters that give such a network for objects of this shape, with as few settings as there can be."""
+    extent, first = shape["extent"], network["levels"][0]["density"]
+    levels: list[tuple[bool, float | None]] = [(False, None), (True, None)]
+    if first != "none":
+        levels.append((False, first))
+    found: list[dict[str, Any]] = []
+    for name, (dense, density) in itertools.product(_NETWORKS, levels):
+        preset = json.loads(_core.object_preset(name, min(extent), density, dense))["network"]
+        settings = {f"network.{key}": value for key, value in network.items() if preset[key] != value}
+        found.append({"network": name, "density": density, "dense": dense, "settings": settings})
+    fewest = min(found, key=lambda parameters: len(parameters["settings"]))
+    cube = {"resolution": extent[0]} if extent == extent[:1] * 3 else {}
+    return {**fewest, "settings": fewest["settings"] or None, **cube}
 
 
 def _kind(y: Any) -> tuple[NDArray[Any], str]:

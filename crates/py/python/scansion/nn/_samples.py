@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scansion import _core
 from scansion._arrays import to_json, unmasked
-from scansion.nn._tensor import SparseTensor
+from scansion.nn._tensor import Entries, SparseTensor
 
 
 def samples(X: Any, labels: NDArray[np.intp] | None, resolution: int) -> tuple[_core.Objects, dict[str, Any]]:
@@ -28,27 +28,9 @@ def samples(X: Any, labels: NDArray[np.intp] | None, resolution: int) -> tuple[_
     lengths = [int(length) for length in extent]
     shape = {"channels": int(channels), "extent": lengths}
     size = int(channels) * math.prod(lengths)
-    keys, values = _sorted(tensor, count * size)
+    keys, values, _ = Entries.of(tensor, "X")
     starts = np.searchsorted(keys, np.arange(count + 1, dtype=np.uint64) * np.uint64(size)).tolist()
     return _core.Objects.of_entries(to_json(shape), starts, keys % np.uint64(size), values, codes), shape
-
-
-def _sorted(tensor: SparseTensor, end: int) -> tuple[NDArray[np.uint64], NDArray[np.float32]]:
-    """Keys, ascending, and their values; all keys must be below ``end``."""
-    keys, values = unmasked(tensor.keys, "X"), unmasked(tensor.values, "X", np.float32)
-    if keys.ndim != 1 or keys.shape != values.shape:
-        raise ValueError(f"X: found keys of shape {keys.shape} and values of shape {values.shape}, expected (n,) twice")
-    if keys.dtype.kind not in "iu" and len(keys):
-        raise ValueError(f"X: found keys of dtype {keys.dtype}, expected whole numbers")
-    if len(keys) and (int(keys.min()) < 0 or int(keys.max()) >= end):
-        found = int(keys.min()) if int(keys.min()) < 0 else int(keys.max())
-        raise ValueError(f"X: found key {found}, expected 0 up to {end - 1}")
-    order = np.argsort(keys, kind="stable")
-    keys, values = np.ascontiguousarray(keys[order], np.uint64), np.ascontiguousarray(values[order])
-    twice = np.flatnonzero(keys[1:] == keys[:-1])
-    if len(twice):
-        raise ValueError(f"X: found key {keys[twice[0]]} twice, expected each once")
-    return keys, values
 
 
 def _are_points(X: Any) -> bool:

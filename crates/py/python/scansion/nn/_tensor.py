@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scansion._arrays import unmasked
+from scansion._arrays import unmasked, whole_numbers
 
 
 class SparseTensor(NamedTuple):
@@ -35,7 +35,7 @@ class SparseTensor(NamedTuple):
     def to_dense(self) -> NDArray[np.float32]:
         """The array, 0 where there is no entry."""
         dense = np.zeros(math.prod(self.shape), np.float32)
-        dense[self.keys.astype(np.int64)] = self.values
+        dense[whole_numbers(self.keys, "keys")] = self.values
         return dense.reshape(self.shape)
 
     @classmethod
@@ -59,5 +59,33 @@ class SparseTensor(NamedTuple):
         """A sparse tensor of torch (COO) with the same entries; torch must be installed."""
         import torch
 
-        places = np.stack(np.unravel_index(self.keys.astype(np.int64), self.shape))
+        places = np.stack(np.unravel_index(whole_numbers(self.keys, "keys"), self.shape))
         return torch.sparse_coo_tensor(torch.from_numpy(places), torch.from_numpy(self.values.copy()), self.shape)
+
+
+class Entries(NamedTuple):
+    """The entries of a tensor as the core takes them."""
+
+    keys: NDArray[np.uint64]
+    """Ascending, each once."""
+    values: NDArray[np.float32]
+    order: NDArray[np.intp]
+    """The place of each entry in the tensor."""
+
+    @classmethod
+    def of(cls, tensor: SparseTensor, name: str) -> Entries:
+        """Entries in any order; ``name`` is that of the tensor in messages."""
+        keys, values = whole_numbers(tensor.keys, f"{name}.keys"), unmasked(tensor.values, f"{name}.values", np.float32)
+        if keys.ndim != 1 or keys.shape != values.shape:
+            found = f"keys of shape {keys.shape} and values of shape {values.shape}"
+            raise ValueError(f"{name}: found {found}, expected (n,) twice")
+        end = math.prod(map(int, tensor.shape))
+        outside = keys[(keys < 0) | (keys >= end)]
+        if len(outside):
+            raise ValueError(f"{name}: found key {outside[0]}, expected 0 up to {end - 1}")
+        order = np.argsort(keys, kind="stable")
+        ascending = keys[order].astype(np.uint64)
+        twice = np.flatnonzero(ascending[1:] == ascending[:-1])
+        if len(twice):
+            raise ValueError(f"{name}: found key {ascending[twice[0]]} twice, expected each once")
+        return cls(ascending, values[order], order)
