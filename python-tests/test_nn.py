@@ -286,7 +286,7 @@ def test_training_goes_on_from_a_checkpoint_to_the_same_bytes(tmp_path):
         {"network": "mnist-paper", "settings": {"network.hidden": 4, "network.dropout": 0.25}},
         {"network": "mnist", "dense": True, "settings": {"network.hidden": 4}},
         {
-            "network": "modelnet",
+            "network": "mnist",
             "settings": {"network.hidden": 4, "network.levels": [{"channels": [2], "density": 0.5}]},
         },
     ],

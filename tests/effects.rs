@@ -299,9 +299,17 @@ fn training_reports_its_trials_in_every_format() {
     let weak = ["--weak", "--per-class", "20", "--grid-strength", "0.5,1"];
     let told = train(&[&csv[..2], &weak[..]].concat());
     assert!(told.contains("\n\nstrength,accuracy\n0.5,"), "{told}");
-    // The folds are those of both trials.
-    let strengths = |folds: &[&str]| train(&[&["--format", "json"], &weak[..], folds].concat());
-    let [few, many] = ["2", "9"].map(|k| strengths(&["--cross-validate", k, "--block", "4"]));
+    // The folds are those of both trials. A third of the labels is wrong, so that scores depend on the folds.
+    let mut cloud = street(20.0, 9);
+    let values = cloud.column(names::CLASSIFICATION).unwrap().values.to_f64();
+    let wrong = |i: usize| if i % 3 == 0 { values[(7 * i + 1) % values.len()] } else { values[i] } as u8;
+    cloud.set_column(Column::new(names::CLASSIFICATION, Values::U8((0..values.len()).map(wrong).collect()))).unwrap();
+    save(f, "n.laz", &cloud);
+    let strengths = |k: &str| {
+        let folds = ["--format", "json", "--cross-validate", k, "--block", "4"];
+        done(f, &[&["train", "n.laz", "-o", "o.model", "--overwrite"], &weak[..], &folds[..]].concat())
+    };
+    let [few, many] = ["2", "9"].map(strengths);
     let scores = |text: &str| serde_json::from_str::<serde_json::Value>(text).unwrap()["strengths"].clone();
     assert!(scores(&few).is_array() && scores(&few) != scores(&many), "{few} {many}");
 }

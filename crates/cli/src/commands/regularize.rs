@@ -53,11 +53,12 @@ fn params(args: &Regularize) -> Result<RegulariseParams, Failure> {
     let base = RegulariseParams { method: Regularise::SegmentCrf, ..RegulariseParams::default() };
     let mut params = base.with_settings(args.set.iter().map(String::as_str))?;
     params.method = args.method.unwrap_or(params.method);
-    if let (Some(strength), false) = (args.strength, params.method.has_strength()) {
+    let is_strength = |key: &str| ["strength", "regularise.strength"].contains(&key.trim());
+    let set = args.set.iter().filter_map(|setting| setting.split_once('=')).any(|(key, _)| is_strength(key));
+    let given = args.strength.is_some() || set;
+    if given && !params.method.has_strength() {
         let method = params.method.name();
-        return Err(Failure::Usage(format!(
-            "--strength {strength}: the method {method} has none; point-crf and segment-crf do"
-        )));
+        return Err(Failure::Usage(format!("the method {method} has no strength; point-crf and segment-crf have one")));
     }
     params.strength = args.strength.unwrap_or(params.strength);
     params.validate()?;

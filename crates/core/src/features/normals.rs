@@ -31,7 +31,8 @@ pub struct Normals {
 /// variation a point. O(n k).
 ///
 /// # Errors
-/// If there are more than 32 neighbours a point, rows of neighbours and points differ in number, or the work was cancelled.
+/// If there are more than 32 neighbours a point, or fewer than 2 in a cloud of three points or more, if rows of neighbours and
+/// points differ in number, or if the work was cancelled.
 ///
 /// ```
 /// use scansion_core::{Cloud, cloud::Points, features::normals, neighbours::knn, parallel::Monitor};
@@ -52,8 +53,8 @@ pub fn normals(points: &Positions, neighbours: &Neighbours, monitor: &Monitor) -
         let (rows, n) = (neighbours.len(), points.len());
         return Err(Error::input(format!("neighbours of {rows} points for a cloud of {n}")));
     }
-    if neighbours.k() == 1 && points.len() > 2 {
-        return Err(Error::parameter("neighbours", 1, "2..=32"));
+    if neighbours.k() < 2 && points.len() > 2 {
+        return Err(Error::parameter("neighbours", neighbours.k(), "2..=32"));
     }
     if neighbours.k() < 2 {
         return Ok(Normals { directions: vec![[0.0, 0.0, 1.0]; points.len()], variation: vec![0.0; points.len()] });

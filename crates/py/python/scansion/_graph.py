@@ -12,7 +12,7 @@ from scansion._arrays import NUMBERS, native, unmasked
 _LARGE = 1000
 """An offset of more than this many times the differences is subtracted from numbers before they become float32."""
 
-_NOISE = 1e-12
+_NOISE = 1e-14
 """Differences of less than this share of the offset are rounding errors of float64."""
 
 

@@ -37,9 +37,10 @@ def numbers(values: Any, name: str) -> NDArray[Any]:
     array([ 2., nan])
     """
     array = unmasked(values, name)
-    if array.dtype.kind != "O":
+    if array.dtype.kind != "O" or array.ndim != 1:
         return array
-    return np.array([np.nan if value is None else value for value in array.tolist()])
+    known = [np.nan if value is None else value for value in array]
+    return array if any(np.ndim(value) for value in known) else np.array(known)
 
 
 def texts(values: Any, name: str, length: int | None = None) -> NDArray[np.object_]:
