@@ -302,7 +302,7 @@ fn training_reports_its_trials_in_every_format() {
     // The folds are those of both trials. A third of the labels is wrong, so that scores depend on the folds.
     let mut cloud = street(20.0, 9);
     let values = cloud.column(names::CLASSIFICATION).unwrap().values.to_f64();
-    let wrong = |i: usize| if i % 3 == 0 { values[(7 * i + 1) % values.len()] } else { values[i] } as u8;
+    let wrong = |i: usize| if i.is_multiple_of(3) { values[(7 * i + 1) % values.len()] } else { values[i] } as u8;
     cloud.set_column(Column::new(names::CLASSIFICATION, Values::U8((0..values.len()).map(wrong).collect()))).unwrap();
     save(f, "n.laz", &cloud);
     let strengths = |k: &str| {
