@@ -156,9 +156,10 @@ fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<V
             Ok(PickedCloud { cloud, picking: Picking { metres, within: recipe.label_distance() } })
         });
         let picked = picked.collect::<scansion_core::Result<Vec<_>>>()?;
-        let labels = LabelFile::apply_all(&files, &picked, &context.monitor).map_err(|e| match &inputs[..] {
-            [one] => Error::input(format!("{}: {e}", one.display())),
-            _ => e,
+        let labels = LabelFile::apply_all(&files, &picked, &context.monitor).map_err(|e| match (e, &inputs[..]) {
+            (e @ (Error::Interrupted | Error::Memory { .. }), _) => e,
+            (e, [one]) => Error::input(format!("{}: {e}", one.display())),
+            (e, _) => e,
         })?;
         let clouds = clouds.into_iter().zip(labels).map(|(cloud, labels)| spread(args, cloud, labels));
         return with_all_classes(&source, clouds.collect::<Result<_, Failure>>()?);

@@ -24,7 +24,7 @@ pub(super) fn finish<R: BlockReader>(
     let columns = Columns::Only(Vec::new());
     let read = ReadOptions { columns, monitor: options.monitor.clone(), ..ReadOptions::default() };
     let found = open(file.partial(), &read).and_then(|reader| again(reader, options)).map_err(|e| match e {
-        Error::Interrupted => e,
+        Error::Interrupted | Error::Memory { .. } => e,
         e => Error::input(format!("{}: what was written cannot be read: {e}", file.target().display())),
     })?;
     let expected = (cloud.len(), cloud.bounds_watched(&options.monitor)?);
