@@ -46,7 +46,7 @@ def test_normals_and_variation_are_those_of_numpy(village):
     assert (found[:, 2] >= 0).all()
     inward, _ = features.normals(village[0], orientation=(20.0, 20.0, -50.0))
     assert (inward[:, 2] <= 0).mean() > 0.95
-    with pytest.raises(ValueError, match="1..=32"):
+    with pytest.raises(ValueError, match="2..=32"):
         features.normals(xyz, k=40)
 
 
