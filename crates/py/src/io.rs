@@ -29,6 +29,12 @@ fn part((columns, bounds, resolution, text_columns): Part, monitor: &Monitor) ->
     }
 }
 
+/// The name of a column that is called so in a file.
+#[pyfunction]
+pub(crate) fn column_name(name: &str) -> String {
+    io::column_name(name)
+}
+
 /// Reads a file, or a part of it.
 #[pyfunction]
 #[pyo3(signature = (path, part = (None, None, None, vec![]), n_jobs = None))]

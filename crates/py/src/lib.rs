@@ -66,7 +66,9 @@ mod _core {
     #[pymodule_export]
     use crate::images::render;
     #[pymodule_export]
-    use crate::io::{Blocks, convert, diff, inspect, merge, read, rewrite, salvage, settings_text, statistics, write};
+    use crate::io::{
+        Blocks, column_name, convert, diff, inspect, merge, read, rewrite, salvage, settings_text, statistics, write,
+    };
     #[pymodule_export]
     use crate::neighbours::{knn, optimal, within};
     #[pymodule_export]
@@ -82,7 +84,9 @@ mod _core {
     #[pymodule_export]
     use crate::recipes::{Model, mapped_code, mapped_codes, recipe_columns, search, spatial_folds};
     #[pymodule_export]
-    use crate::regularisation::{alpha_beta_swap, alpha_expansion, energy, icm, local_smoothing, regularize};
+    use crate::regularisation::{
+        alpha_beta_swap, alpha_expansion, energy, has_strength, icm, local_smoothing, regularize,
+    };
     #[pymodule_export]
     use crate::segmentation::{cut_pursuit, merge_regions, partition, segment_graph, segment_shapes};
     #[pymodule_export]

@@ -10,7 +10,7 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArr
 use pyo3::prelude::*;
 use scansion_core::graph::Graph;
 use scansion_core::parallel::Monitor;
-use scansion_core::recipes::{Probabilities, RegulariseParams, regularise};
+use scansion_core::recipes::{Probabilities, Regularise, RegulariseParams, regularise};
 use scansion_core::regularisation::{self, Energy, ExpansionParams, IcmParams, Labelling, SwapParams};
 use scansion_core::{Error, Result};
 use std::sync::Arc;
@@ -74,6 +74,12 @@ pub(crate) fn icm<'py>(py: Python<'py>, problem: Problem<'py>, settings: &str) -
 
 /// Labels, the probabilities that they are based on, energy.
 type Agreed<'py> = (Bound<'py, PyArray1<u16>>, Bound<'py, PyArray2<f32>>, Option<f64>);
+
+/// Whether the result of a method depends on a strength.
+#[pyfunction]
+pub(crate) fn has_strength(method: &str) -> bool {
+    Regularise::ALL.iter().any(|known| known.name() == method && known.has_strength())
+}
 
 /// Labels that are consistent among neighbours, from class probabilities; the settings are those of recipes.
 #[pyfunction]

@@ -33,9 +33,8 @@ pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
         elevation: sources::elevation(args.elevation_model.as_deref(), &context.monitor)?,
         checkpoint: args.checkpoint.clone(),
     };
-    // A cross-validation of the whole recipe needs nothing of its training.
-    let alone = TrainOptions { folds: None, ..options.clone() };
-    recipe.check_options(&alone)?;
+    // Every recipe can be cross-validated, some by their own training, the others from outside.
+    recipe.check_options(&TrainOptions { folds: None, ..options.clone() })?;
     if let Some(checkpoint) = &options.checkpoint {
         run::goes_on_from(checkpoint);
         io::check_output(checkpoint)?;

@@ -46,17 +46,15 @@ pub struct Normals {
 /// # Ok::<(), scansion_core::Error>(())
 /// ```
 pub fn normals(points: &Positions, neighbours: &Neighbours, monitor: &Monitor) -> Result<Normals> {
-    if neighbours.k() >= MOST {
+    let few = neighbours.k() < 2;
+    if neighbours.k() >= MOST || (few && points.len() > 2) {
         return Err(Error::parameter("neighbours", neighbours.k(), "2..=32"));
     }
     if neighbours.k() > 0 && neighbours.len() != points.len() {
         let (rows, n) = (neighbours.len(), points.len());
         return Err(Error::input(format!("neighbours of {rows} points for a cloud of {n}")));
     }
-    if neighbours.k() < 2 && points.len() > 2 {
-        return Err(Error::parameter("neighbours", neighbours.k(), "2..=32"));
-    }
-    if neighbours.k() < 2 {
+    if few {
         return Ok(Normals { directions: vec![[0.0, 0.0, 1.0]; points.len()], variation: vec![0.0; points.len()] });
     }
     monitor.stage("normals", points.len() as u64);

@@ -41,6 +41,7 @@ pub use operations::diff::{Changed, ClassChange, Difference, FieldDifference, di
 pub use operations::merge::{merge, read_together};
 pub use operations::select::{rewrite, select};
 pub use operations::{salvage, statistics};
+pub use table::known::name as column_name;
 
 use crate::cloud::crs::{Unit, unit_of};
 use crate::cloud::{Cloud, Column};

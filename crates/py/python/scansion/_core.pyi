@@ -29,6 +29,7 @@ __all__ = [
     "check_segment_options",
     "cluster_levels",
     "cluster_table",
+    "column_name",
     "confusion_matrix",
     "connected_components",
     "contour_stages",
@@ -50,6 +51,7 @@ __all__ = [
     "follow",
     "footprints",
     "ground_points",
+    "has_strength",
     "height_above_ground",
     "height_contours",
     "heights",
@@ -274,6 +276,8 @@ def segment(
     size: float | None = None,
     n_jobs: int | None = None,
 ) -> tuple[NDArray[np.uint32], list[NDArray[np.uint32]], str]: ...
+def column_name(name: str) -> str: ...
+def has_strength(method: str) -> bool: ...
 def check_segment_options(recipe: str, settings: list[str], cutoff: bool, k_min: bool) -> None: ...
 def segment_columns(recipe: str, settings: list[str]) -> list[str]: ...
 def picked_labels(

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+from scansion import _core
+
 LASPY = {
     "intensity": "Intensity",
     "return_number": "ReturnNumber",
@@ -34,25 +36,6 @@ def _folded(name: str) -> str:
 
 _OURS = {_folded(name): ours for theirs, ours in LASPY.items() for name in (theirs, ours)}
 """Our names by the folded ones of both."""
-
-_IN_FILES = {
-    "i": "Intensity",
-    "r": "Red",
-    "g": "Green",
-    "b": "Blue",
-    "class": "Classification",
-    "label": "Classification",
-    "syntheticflag": "Synthetic",
-    "keypointflag": "KeyPoint",
-    "withheldflag": "Withheld",
-    "overlapflag": "Overlap",
-    "scanangle": "ScanAngle",
-    "scananglerank": "ScanAngle",
-    "confidence": "Confidence",
-    "entropy": "Entropy",
-    **_OURS,
-}
-"""Our names by the folded ones of other programs, as the core translates them in files (``io/table/known.rs``)."""
 
 
 def meant(name: str, columns: Iterable[str]) -> str:
@@ -94,7 +77,7 @@ def translated(name: str) -> str:
     >>> translated("r"), translated("scan_angle_rank"), translated("mine")
     ('Red', 'ScanAngle', 'mine')
     """
-    return _IN_FILES.get(_folded(name), name)
+    return _core.column_name(name)
 
 
 def read_as(name: str, columns: Iterable[str]) -> str:

@@ -246,7 +246,7 @@ def radius(
 
     ``features.radius(xyz, 0.5, ["planarity", "nz"])`` stands for ``jakteristics.compute_features(xyz, 0.5,
     feature_names=["planarity", "nz"])`` (version 0.6.2). Differences: several radii may be given; the number of neighbours
-    has no limit; where all points of a neighbourhood are in one place, or it holds fewer than three, features are 0
+    has no limit; where all points of a neighbourhood are in one place, or it holds a single one, features are 0
     instead of NaN; the largest component of eigenvectors is positive; points are compared in float32 metres relative to a
     corner of the cloud, so that a point whose distance is the radius but for 1e-7 of the extent may be counted
     otherwise.

@@ -60,9 +60,6 @@ class Regularized(NamedTuple):
 
 METHODS = ("none", "local", "point-crf", "consensus", "segment-crf")
 
-_FIELDS = ("point-crf", "segment-crf")
-"""The methods that use the strength."""
-
 
 def regularize(
     xyz: Any,
@@ -112,7 +109,7 @@ def regularize(
     """
     choice(method, "method", METHODS)
     given = together(settings, method=method, strength=strength)
-    if "strength" in given and method not in _FIELDS:
+    if "strength" in given and not _core.has_strength(method):
         raise ValueError(f"strength: found {given['strength']!r}, expected none: the method {method!r} does not use it")
     rows = finite(as_rows(probabilities, "probabilities"), "probabilities")
     cloud = as_cloud(xyz, columns=[])._core

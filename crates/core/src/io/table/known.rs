@@ -40,7 +40,7 @@ const KNOWN: [(&str, &str); 33] = [
 ];
 
 /// PDAL's name of a column, or the name itself. Case and underscores are ignored.
-pub(in crate::io) fn name(given: &str) -> String {
+pub fn name(given: &str) -> String {
     let plain: String = given.chars().filter(|c| *c != '_').flat_map(char::to_lowercase).collect();
     KNOWN.iter().find(|(name, _)| *name == plain).map_or_else(|| given.to_string(), |(_, known)| (*known).to_string())
 }

@@ -239,7 +239,7 @@ macro_rules! systems {
             pub(in crate::recipes) fn classify(&self, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
                 match self {
                     $($(#[cfg($cfg)])? Self::$name(fitted) => {
-                        check_elevation::<$recipe>(job.params.elevation.is_some())?;
+                        fitted.recipe.check_elevation(job.params.elevation.is_some())?;
                         <$recipe>::classify(fitted, job, monitor)
                     })*
                 }
@@ -338,16 +338,6 @@ fn unknown(name: &str) -> Error {
 
 fn written(value: &impl Serialize) -> Result<String> {
     toml::to_string(value).map_err(|e| Error::input(format!("recipe cannot be written as TOML: {e}")))
-}
-
-/// Fails if an elevation model is given to a method that has no use for it.
-fn check_elevation<S: System>(given: bool) -> Result<()> {
-    match given && !S::TAKES_ELEVATION {
-        true => {
-            Err(Error::parameter("elevation model", "one", format!("none: the recipe {} does not use it", S::NAME)))
-        }
-        false => Ok(()),
-    }
 }
 
 #[cfg(test)]

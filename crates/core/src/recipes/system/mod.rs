@@ -140,6 +140,20 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
         self.learn(clouds, options, monitor)
     }
 
+    /// Checks that an elevation model, if one is given, is of use to the method.
+    ///
+    /// # Errors
+    /// If it is not.
+    fn check_elevation(&self, given: bool) -> Result<()> {
+        match given && !Self::TAKES_ELEVATION {
+            true => {
+                let expected = format!("none: the recipe {} does not use it", self.name());
+                Err(Error::parameter("elevation model", "one", expected))
+            }
+            false => Ok(()),
+        }
+    }
+
     /// Checks that the method takes all options of a training.
     ///
     /// # Errors
@@ -148,9 +162,7 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
         let refused = |name, found: String, text: &str| {
             Err(Error::parameter(name, found, format!("none: the recipe {} {text}", self.name())))
         };
-        if options.elevation.is_some() && !Self::TAKES_ELEVATION {
-            return refused("elevation model", "one".into(), "does not use it");
-        }
+        self.check_elevation(options.elevation.is_some())?;
         if let (Some(first), false) = (options.strengths.first(), Self::TRIES_STRENGTHS) {
             return refused("strengths", first.to_string(), "does not try any");
         }

@@ -27,8 +27,8 @@ pub(in crate::io) fn is_record(vlr: &Vlr) -> bool {
     vlr.is("LASF_Spec", 4)
 }
 
-/// The described dimensions that fit into the record. Bytes without a type (0) are skipped. Of the
-/// deprecated types 11..=30, which have two or three values, each value is a dimension: `name0`, `name1`, `name2`.
+/// The described dimensions that fit into the record. Bytes without a type (0) are skipped. Of the deprecated types
+/// 11..=30, which have two or three values, each value is a dimension: `name0`, `name1`, `name2`.
 pub(in crate::io) fn described<'a>(header: &Header, vlrs: impl IntoIterator<Item = &'a Vlr>) -> (Vec<Extra>, usize) {
     let end = usize::from(header.record_length);
     let mut at = end - header.extra();
@@ -48,12 +48,13 @@ pub(in crate::io) fn described<'a>(header: &Header, vlrs: impl IntoIterator<Item
         if at + size > end {
             break;
         }
+        let mut place = at;
         for value in values {
-            let next = at + size_of(value.kind);
-            list.push(Extra { at, ..value });
-            at = next;
+            let bytes = size_of(value.kind);
+            list.push(Extra { at: place, ..value });
+            place += bytes;
         }
-        at += if kind == 0 { size } else { 0 };
+        at += size;
     }
     (list, end - at)
 }
