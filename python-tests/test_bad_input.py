@@ -266,6 +266,13 @@ def test_messages_name_arguments_of_python(tmp_path):
         scansion.segment(degrees)
 
 
+def test_wrong_settings_are_named():
+    with pytest.raises(ValueError, match="random_state: found 1.5"):
+        scansion.segmentation.cut_pursuit(np.ones((3, 1)), [[0, 1]], random_state=1.5)
+    with pytest.raises(ValueError, match="^steps.restarts: invalid type: floating point `1.5`, expected [a-z0-9]+$"):
+        scansion.segmentation.cut_pursuit(np.ones((3, 1)), [[0, 1]], restarts=1.5)
+
+
 def test_whole_numbers_beyond_those_of_the_core_are_refused():
     assert len(nn.Sites(np.array([[2**51], [0]], np.uint64))) == 2
     for wrong in (2**63, 2**64 - 1):

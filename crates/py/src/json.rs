@@ -13,5 +13,16 @@ pub(crate) fn text(report: &impl Serialize) -> scansion_core::Result<String> {
 
 /// Settings from JSON text; unknown keys are an error.
 pub(crate) fn settings<T: DeserializeOwned>(text: &str) -> PyResult<T> {
-    serde_json::from_str(text).map_err(|e| PyValueError::new_err(e.to_string()))
+    let mut reader = serde_json::Deserializer::from_str(text);
+    serde_path_to_error::deserialize(&mut reader).map_err(|e| PyValueError::new_err(message(&e)))
+}
+
+/// What is wrong with which setting. The place in the text is left out, because callers never see that text.
+fn message(error: &serde_path_to_error::Error<serde_json::Error>) -> String {
+    let text = error.inner().to_string();
+    let what = text.split(" at line ").next().unwrap_or_default();
+    match error.path().to_string().as_str() {
+        "." => what.to_string(),
+        key => format!("{key}: {what}"),
+    }
 }

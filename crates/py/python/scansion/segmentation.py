@@ -18,6 +18,7 @@ from scansion._graph import valued
 from scansion._partition import Partition, PartitionParams, partition
 from scansion._regions import Riemannian, octree_region_growing, region_growing, riemannian
 from scansion._segment_shapes import SegmentShapes, segment_graph, segment_shapes
+from scansion._settings import seed
 from scansion._supervoxels import object_features, supervoxels
 
 __all__ = [
@@ -143,7 +144,7 @@ def cut_pursuit(
     settings = {
         "strength": strength,
         "cutoff": cutoff,
-        "seed": random_state,
+        "seed": seed(random_state),
         "steps": {
             "coarse_above": coarse_above,
             "cycles": cycles,
