@@ -7,6 +7,7 @@ use crate::io::format;
 use crate::io::lines::words::Words;
 use crate::io::lines::{Pieces, count, lines};
 use crate::io::table::known;
+use crate::io::table::limits::Names;
 use crate::memory;
 use std::path::Path;
 
@@ -83,6 +84,16 @@ impl Layout {
     }
 }
 
+/// Names under which columns are read; of two with the same name the second gets a number.
+fn unique(names: &[String], axes: [usize; 3]) -> Vec<String> {
+    let mut taken = Names::default();
+    let own = |(i, name): (usize, &String)| match known::name(name) {
+        axis if axes.contains(&i) => axis,
+        name => taken.free(&name),
+    };
+    names.iter().enumerate().map(own).collect()
+}
+
 /// The first line of a file.
 struct Line<'a> {
     path: &'a Path,
@@ -124,7 +135,7 @@ impl Line<'_> {
         let named = |wanted: &str| names.iter().position(|n| n.eq_ignore_ascii_case(wanted));
         let axes = AXES.map(|known| known.iter().find_map(|name| named(name)));
         match axes {
-            [Some(x), Some(y), Some(z)] => Ok(Layout::named(names.iter().map(|n| known::name(n)).collect(), [x, y, z])),
+            [Some(x), Some(y), Some(z)] => Ok(Layout::named(unique(names, [x, y, z]), [x, y, z])),
             _ => {
                 let allowed = "names with x, y and z (or easting, northing and height) among them";
                 Err(self.wrong("header row", Mismatch::new(names.join(" "), allowed)))

@@ -59,6 +59,13 @@ mod tests {
     }
 
     #[test]
+    fn the_second_of_two_columns_with_the_same_name_gets_a_number() {
+        let cloud = read_text("a.csv", &[("a.csv", "x,y,z,label,k,class,k\n1,2,3,4,5,6,7\n")]).unwrap();
+        let found: Vec<_> = cloud.columns().iter().map(|c| (c.name.as_str(), c.values.get(0))).collect();
+        assert_eq!(found, [("Classification", 4.0), ("k", 5.0), ("Classification_2", 6.0), ("k_2", 7.0)]);
+    }
+
+    #[test]
     fn header_rows_in_the_usual_forms_are_understood() {
         for head in ["//X Y Z class\n", "x,y,z,Classification\n", "# a comment\nx;y;z;label\n"] {
             let cloud = read_text("a.csv", &[("a.csv", &(head.to_string() + "1 2 3 6\n"))]).unwrap();

@@ -11,7 +11,6 @@ use crate::io::reader::BlockReader;
 use crate::io::{FileInfo, ReadOptions};
 use crate::memory;
 use crate::parallel::{Monitor, map_ordered};
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 /// Number of parts of a piece of 4 MiB, each read by one thread.
@@ -54,11 +53,9 @@ impl Reader {
             ));
         }
         let (mut targets, mut kept) = (Vec::new(), Vec::new());
-        let last: HashMap<&String, usize> = layout.names.iter().zip(0..).collect();
         for (c, name) in layout.names.iter().enumerate() {
             targets.push(layout.axes.iter().position(|&a| a == c).or_else(|| {
-                // Of two columns with the same name the last one is read.
-                (last.get(name) == Some(&c) && options.wants(name)).then(|| {
+                options.wants(name).then(|| {
                     kept.push(name.clone());
                     2 + kept.len()
                 })
