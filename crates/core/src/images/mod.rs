@@ -321,6 +321,18 @@ mod tests {
     }
 
     #[test]
+    fn codes_that_are_no_class_have_a_line_of_the_legend() {
+        let mut cloud = Cloud::from_rows(&[[0.0; 3], [1.0; 3], [2.0; 3], [3.0; 3]]).unwrap();
+        cloud.set_column(Column::new("Classification", Values::I32(vec![2, 0, 300, -1]))).unwrap();
+        let params = RenderParams::default();
+        let paint = Paint::new(&cloud, &ClassTable::default(), &params, &Monitor::default()).unwrap();
+        let entries: Vec<String> = paint.entries().iter().map(|e| format!("{} {}", e.name, e.share)).collect();
+        assert_eq!((entries.len(), entries[2].as_str()), (3, "other codes 50.0 %"), "{entries:?}");
+        assert_eq!(paint.colour(&cloud, 2), paint.colour(&cloud, 3));
+        assert_ne!(paint.colour(&cloud, 1), paint.colour(&cloud, 2));
+    }
+
+    #[test]
     fn lines_are_drawn_over_the_cloud_and_must_lie_in_the_picture() {
         let params = RenderParams { shading: false, legend: false, width: 400, ..RenderParams::default() };
         let drawn = |lines: Vec<Vec<[f64; 3]>>| {

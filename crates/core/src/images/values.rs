@@ -13,6 +13,10 @@ const SAMPLES: usize = 200_000;
 const RIGHT: [u8; 3] = [205, 208, 210];
 const WRONG: [u8; 3] = [200, 30, 45];
 const APART: [u8; 3] = [232, 230, 222];
+/// Colour of codes that are no class.
+const UNKNOWN: [u8; 3] = [90, 90, 96];
+/// Place of the codes that are no class, behind those of 0 to 255.
+const OTHER: usize = 256;
 
 /// The quantity shown by colour, with everything needed to evaluate it.
 #[derive(Clone, Debug)]
@@ -177,9 +181,9 @@ impl<'a> Paint<'a> {
 
     fn classes(cloud: &'a Cloud, classes: &ClassTable, monitor: &Monitor) -> Result<Self> {
         let values = cloud.column(names::CLASSIFICATION).map(|c| &c.values);
-        let mut counts = vec![0u64; 256];
+        let mut counts = vec![0u64; OTHER + 1];
         for points in watched(cloud.len(), monitor) {
-            points?.for_each(|i| counts[usize::from(code_of(values, i))] += 1);
+            points?.for_each(|i| counts[place_of(values, i)] += 1);
         }
         let of = |code: u8| class_of(cloud, classes, code);
         Ok(Self::Classes { values, table: (0..=255).map(of).collect(), counts })
@@ -226,7 +230,9 @@ impl<'a> Paint<'a> {
     pub(super) fn colour(&self, cloud: &Cloud, point: u32) -> [f32; 3] {
         let i = point as usize;
         match self {
-            Self::Classes { values, table, .. } => table[usize::from(code_of(*values, i))].colour.map(f32::from),
+            Self::Classes { values, table, .. } => {
+                table.get(place_of(*values, i)).map_or(UNKNOWN, |class| class.colour).map(f32::from)
+            }
             Self::Ramp { values, low, high, .. } => {
                 let value = values.map_or_else(|| cloud.xyz(i)[2], |v| v.get(i));
                 ramp((value - low) / (high - low))
@@ -246,8 +252,10 @@ impl<'a> Paint<'a> {
             Self::Classes { table, counts, values: Some(_) } => {
                 let all: u64 = counts.iter().sum();
                 let seen = table.iter().zip(counts).filter(|(_, n)| **n > 0);
-                seen.map(|(class, &n)| entry(class.colour, format!("{} {}", class.code, class.name), percent(n, all)))
-                    .collect()
+                let named = |class: &Class| format!("{} {}", class.code, class.name);
+                let others =
+                    (counts[OTHER] > 0).then(|| entry(UNKNOWN, "other codes".into(), percent(counts[OTHER], all)));
+                seen.map(|(class, &n)| entry(class.colour, named(class), percent(n, all))).chain(others).collect()
             }
             Self::Segments { count, .. } => {
                 vec![entry(segment_colour(1), format!("{count} segments"), String::new())]
@@ -267,10 +275,10 @@ impl<'a> Paint<'a> {
     }
 }
 
-/// The class of a point; codes above 255 are drawn as 0, without a class.
-fn code_of(values: Option<&Values>, point: usize) -> u8 {
+/// Place of a point's class in the counts: its code, or [`OTHER`].
+fn place_of(values: Option<&Values>, point: usize) -> usize {
     match values.map_or(0.0, |v| v.get(point)) {
-        code if code > 255.0 => 0,
-        code => code as u8,
+        code if (0.0..OTHER as f64).contains(&code) => code as usize,
+        _ => OTHER,
     }
 }
