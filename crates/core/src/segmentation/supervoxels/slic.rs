@@ -55,6 +55,11 @@ pub fn slic(
         connect::connect(&scene, params, &mut found.labels, monitor)?;
     }
     let labels = attach(&scene, &found, params.size, monitor)?;
+    if found.centres.is_empty() && scene.len() > 0 {
+        let (size, least) = (params.size, params.min_points);
+        monitor
+            .warn(format!("no voxel of {size} m holds {least} points (min_points), so that no point has a supervoxel"));
+    }
     let labels = scene.in_order_of_points(&labels, monitor)?;
     Supervoxels::new(points, attributes, SupervoxelLabels { labels, size: params.size }, monitor)
 }
@@ -129,6 +134,14 @@ mod tests {
             held += 1;
         }
         assert!(held > 4300, "{held}");
+    }
+
+    #[test]
+    fn a_size_below_the_spacing_is_said_to_leave_no_supervoxel() {
+        let (scene, monitor) = (floor_and_wall(), Monitor::default());
+        let params = SlicParams { size: 0.001, ..SlicParams::default() };
+        let found = slic(&scene.points, &PointAttributes::default(), &params, &monitor).unwrap();
+        assert!(found.is_empty() && monitor.take_warnings()[0].contains("min_points"));
     }
 
     #[test]
