@@ -576,7 +576,11 @@ def test_a_layer_has_the_gradients_of_its_function():
     features = RANDOM.normal(size=(3, 2)).astype(np.float32)
     found = layer(places, features)
     np.testing.assert_allclose(found, nn.submanifold_convolution(places, features, layer.weight) + layer.bias)
-    layer.backward(np.ones_like(found))
+    expected = nn.submanifold_convolution_gradient(places, features, layer.weight, np.ones_like(found))
+    # The layer has a copy of what it was given.
+    features[:] = 0
+    np.testing.assert_array_equal(layer.backward(np.ones_like(found)), expected[0])
+    np.testing.assert_array_equal(layer.weight_gradient, expected[1])
     assert layer.weight_gradient.shape == layer.weight.shape and layer.bias_gradient.tolist() == [3, 3, 3]
     with pytest.raises(ValueError, match="call"):
         nn.SparseConv3d(1, 1).backward([[1.0]])
