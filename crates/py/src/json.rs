@@ -20,7 +20,7 @@ pub(crate) fn settings<T: DeserializeOwned>(text: &str) -> PyResult<T> {
 /// What is wrong with which setting. The place in the text is left out, because callers never see that text.
 fn message(error: &serde_path_to_error::Error<serde_json::Error>) -> String {
     let text = error.inner().to_string();
-    let what = text.split(" at line ").next().unwrap_or_default();
+    let what = text.rsplit_once(" at line ").map_or(&text[..], |(what, _)| what);
     match error.path().to_string().as_str() {
         "." => what.to_string(),
         key => format!("{key}: {what}"),

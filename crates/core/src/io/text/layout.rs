@@ -86,12 +86,14 @@ impl Layout {
 
 /// Names under which columns are read; of two with the same name the second gets a number.
 fn unique(names: &[String], axes: [usize; 3]) -> Vec<String> {
+    let mut found: Vec<String> = names.iter().map(|name| known::name(name)).collect();
     let mut taken = Names::default();
-    let own = |(i, name): (usize, &String)| match known::name(name) {
-        axis if axes.contains(&i) => axis,
-        name => taken.free(&name),
-    };
-    names.iter().enumerate().map(own).collect()
+    for (i, name) in found.iter_mut().enumerate() {
+        if !axes.contains(&i) {
+            *name = taken.free(name);
+        }
+    }
+    found
 }
 
 /// The first line of a file.

@@ -328,7 +328,7 @@ class SparseConv3d:
         """Features of shape (n, out_channels) at integer coordinates of shape (n, 3), each row once, or at :class:`Sites` that
         further layers use too. Keeps a copy of the features for :meth:`backward`."""
         sites = _sites(coordinates, self.n_jobs)
-        features = np.array(unmasked(features, "features"), np.float32)
+        features = np.array(unmasked(features, "features"), np.float32, order="C")
         self._input = (sites, features)
         found = submanifold_convolution(sites, features, self.weight, self.dilation, self.n_jobs)
         return found if self.bias is None else found + self.bias
