@@ -5,8 +5,8 @@
 Needs: pip install . matplotlib scikit-learn scipy laspy[lazrs]; PROGRAM (default: scansion) trains. Parts: scenes, real, curves
 (all by default). Curves are drawn to docs/pictures/contour_curves.png.
 
-Synthetic scenes have seeds from which nothing was learned or chosen. Distances are those of the thesis (6 cm, 3 cm) for voxels
-of 0.1 m, in proportion to the voxel. Edges beside which points are at most a voxel apart count; what is found along the others
+Synthetic scenes have seeds from which nothing was learned or chosen. Distances are those of the thesis (6 cm, 3 cm, samples
+every 2 cm) for voxels of 0.1 m, in proportion to the voxel. Recall by length also counts missing samples near each other. Edges beside which points are at most a voxel apart count; what is found along the others
 counts neither way.
 """
 
@@ -38,7 +38,7 @@ PROGRAM = sys.argv[2] if len(sys.argv) > 2 else "scansion"
 
 def distances(voxel):
     """The distances of the thesis for a voxel."""
-    return {"tolerance": 0.6 * voxel, "forgiven": 0.3 * voxel, "step": 0.1 * voxel}
+    return {"tolerance": 0.6 * voxel, "forgiven": 0.3 * voxel, "step": 0.2 * voxel}
 
 
 def split(scene, voxel):
@@ -48,18 +48,19 @@ def split(scene, voxel):
 
 
 def shares(rows):
-    """Precision and recall of sums of counts."""
-    correct, false, covered, missed = (
-        sum(row[key] for row in rows) for key in ("correct", "false_positives", "covered", "false_negatives")
-    )
-    return correct / max(correct + false, 1), covered / max(covered + missed, 1)
+    """Precision, recall, and recall by length of sums of counts."""
+    keys = ("correct", "false_positives", "covered", "false_negatives", "repeated")
+    correct, false, covered, missed, repeated = (sum(row[key] for row in rows) for key in keys)
+    found = covered / max(covered + missed, 1), covered / max(covered + missed + repeated, 1)
+    return correct / max(correct + false, 1), *found
 
 
 def scenes():
     print(
-        "| scene | voxel, m | precision | recall | candidates: recall at precision 0.9 | all edges: precision | recall |"
+        "| scene | voxel, m | precision | recall | recall by length | candidates: recall at precision 0.9"
+        " | all edges: precision | recall | recall by length |"
     )
-    print("|---|---|---|---|---|---|---|")
+    print("|---|---|---|---|---|---|---|---|---|")
     for kind, title in KINDS.items():
         own, everything, voxels, ratings = [], [], [], []
         for seed in SEEDS:
@@ -73,11 +74,8 @@ def scenes():
             ratings.append(labelled(rated.candidates(dense, unsure=sparse)))
         curve = precision_recall(*map(np.concatenate, zip(*ratings)))
         best = max((r for p, r in curve if p >= 0.9), default=0)
-        (p, r), (q, s) = shares(own), shares(everything)
-        print(
-            f"| {title} | {np.mean(voxels):.2f} | {p:.2f} | {r:.2f} | {best:.2f} | {q:.2f} | {s:.2f} |",
-            flush=True,
-        )
+        cells = [np.mean(voxels), *shares(own), best, *shares(everything)]
+        print(f"| {title} | " + " | ".join(f"{cell:.2f}" for cell in cells) + " |", flush=True)
 
 
 def labelled(rows):
@@ -98,8 +96,8 @@ def real():
     sys.path.insert(0, str(ROOT / "scripts"))
     import contour_reference
 
-    title = "| scan | points | voxel, m | precision | with those near the reference | recall |"
-    print(title + " within a voxel: precision | recall |\n|---|---|---|---|---|---|---|---|")
+    title = "| scan | points | voxel, m | precision | with those near the reference | recall | recall by length |"
+    print(title + " within a voxel: precision | recall |\n|---|---|---|---|---|---|---|---|---|")
     for name in contour_reference.SCENES:
         path = DATA / name
         lines, _, mask, points, origin = contour_reference.derived(path)
@@ -111,11 +109,11 @@ def real():
         counts = contour_reference.counted(samples, points, mask)
         good, close = apart <= near["tolerance"], apart <= found.voxel
         reaches = near["tolerance"], found.voxel
-        recall, wide = (
-            contours.score(found, lines + origin, **{**near, "tolerance": reach})["recall"]
-            for reach in reaches
+        here, wide = (
+            contours.score(found, lines + origin, **{**near, "tolerance": reach}) for reach in reaches
         )
-        values = good[counts].mean(), good.sum() / (good | counts).sum(), recall, close[counts].mean(), wide
+        values = [good[counts].mean(), good.sum() / (good | counts).sum(), here["recall"]]
+        values += [here["recall_by_length"], close[counts].mean(), wide["recall"]]
         cells = " | ".join(f"{value:.2f}" for value in values)
         print(f"| {path.stem} | {len(points)} | {found.voxel:.2f} | {cells} |", flush=True)
 
@@ -164,9 +162,11 @@ def curves():
         curve = np.array([shares(rows) for rows in lines.values()])
         axes[2].plot(curve[:, 1], curve[:, 0], ".-", label=name)
         report("lines", name, curve)
+        report("lines, by length", name, curve[:, [0, 2]])
     for name, curve in baseline_curves(made).items():
         axes[2].plot(curve[:, 1], curve[:, 0], ".--", label=name)
         report("lines", name, curve)
+        report("lines, by length", name, curve[:, [0, 2]])
     for axis in axes:
         axis.legend(loc="lower left", fontsize=8)
     figure.savefig(ROOT / "docs/pictures/contour_curves.png", dpi=70)
@@ -174,8 +174,9 @@ def curves():
 
 def report(stage, name, curve):
     """A row: the best F1, and recall at precisions."""
-    f1 = (2 * curve[:, 0] * curve[:, 1] / np.maximum(curve.sum(axis=1), 1e-9)).max()
-    best = [max((r for p, r in curve if p >= least), default=0) for least in (0.7, 0.8, 0.9)]
+    precision, recall = curve[:, 0], curve[:, 1]
+    f1 = (2 * precision * recall / np.maximum(precision + recall, 1e-9)).max()
+    best = [recall[precision >= least].max(initial=0) for least in (0.7, 0.8, 0.9)]
     print(
         f"| {stage} | {name} | {f1:.2f} | " + " | ".join(f"{value:.2f}" for value in best) + " |", flush=True
     )

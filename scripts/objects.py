@@ -1,14 +1,16 @@
 """Strength of the density regulariser, with pruning, on objects; for docs/sparse-convolution.md.
 
     python scripts/objects.py DATA [--sets modelnet dales] [--network NAME] [--epochs N] [--batch N]
-                                   [--rate R] [--most N] [--strengths S ...] [--plot FILE]
+                                   [--rate R] [--most N] [--strengths S ...] [--seeds S ...] [--plot FILE]
 
 Needs: pip install . ; with --plot matplotlib.
 
 DATA holds modelnet10_voxels32_chair_monitor.npz and dales_objects_499.tar.gz. A fourth of the objects of each class is for
 testing. NAME is modelnet or modelnet-paper, which has the constants of the thesis unless others are given, and its penalty: λ is
 half of our strength. Beside the networks stand their dense twin and our forest on descriptors of each object, without and with its size
-(the network sees objects scaled to the same cube). Seconds are those of the processor, summed over the threads.
+(the network sees objects scaled to the same cube). Seconds are those of the processor, summed over the threads. With several
+seeds, each of which picks other training objects and first weights, numbers are means, and the last column also has the lowest
+and the highest accuracy.
 """
 
 import argparse
@@ -74,52 +76,86 @@ def pick(objects, rows):
     return objects[rows] if isinstance(objects, np.ndarray) else [objects[i] for i in rows]
 
 
-def rows_of(title, objects, names, rows, given):
-    """Prints the rows of the networks; returns the shares of weights that are left, epoch after epoch."""
-    (train, test), curves = rows, {}
+def network_of(strength, seed, given):
+    """A network with a strength of the regulariser; None: its dense twin."""
     factor = 2 if given.network.endswith("-paper") else 1
+    dense = strength is None
+    regulariser = {
+        "learning.regulariser.strength": factor * (strength or 0.0),
+        "learning.pruning": 0.0 if dense else PRUNING,
+    }
+    return nn.VoxelClassifier(
+        given.network,
+        epochs=given.epochs,
+        batch_size=given.batch,
+        learning_rate=given.rate,
+        dense=dense,
+        random_state=seed,
+        settings=regulariser,
+    )
+
+
+def learned(network, learn, test):
+    """Weights left after each epoch, loss of the last one, seconds of an epoch, accuracy in percent."""
+    start = time.process_time()
+    network.fit(*learn)
+    seconds = (time.process_time() - start) / len(network.history_)
+    weights = [epoch["weights"] for epoch in network.history_]
+    return weights, network.history_[-1]["loss"], seconds, 100 * network.score(*test)
+
+
+def forest_score(table, names, rows, seed):
+    """Accuracy of a forest on descriptors, percent."""
+    train, test = rows
+    forest = scansion.RandomForestClassifier(random_state=seed).fit(table[train], names[train])
+    return 100 * np.mean(forest.predict(table[test]) == names[test])
+
+
+def spread(scores):
+    """The mean, and the lowest and highest of several."""
+    least, most = min(scores), max(scores)
+    return f"{np.mean(scores):.1f}" + (f" | {least:.1f} to {most:.1f}" if len(scores) > 1 else "")
+
+
+def rows_of(title, data, splits, given):
+    """Prints the rows of the networks; returns the shares of weights that are left, epoch after epoch, of the first seed."""
+    objects, names = data
+    curves = {}
     for strength in [*given.strengths, None]:
-        dense = strength is None
-        own = factor * (strength or 0.0)
-        regulariser = {"learning.regulariser.strength": own, "learning.pruning": 0.0 if dense else PRUNING}
-        start = time.process_time()
-        network = nn.VoxelClassifier(
-            given.network,
-            epochs=given.epochs,
-            batch_size=given.batch,
-            learning_rate=given.rate,
-            dense=dense,
-            settings=regulariser,
-        )
-        network.fit(pick(objects, train), names[train])
-        seconds = (time.process_time() - start) / len(network.history_)
-        weights = [epoch["weights"] for epoch in network.history_]
-        score = network.score(pick(objects, test), names[test])
-        name = "dense twin" if dense else f"λ = {strength:g}"
-        left = "" if dense else f"{weights[-1]:,} ({100 * weights[-1] / weights[0]:.0f} %)"
-        curves[name] = weights
-        cells = [name, left, f"{network.history_[-1]['loss']:.3f}", f"{seconds:.0f}", f"{100 * score:.1f}"]
-        print(f"| {title} | " + " | ".join(cells) + " |", flush=True)
+        runs = []
+        for seed, parts in splits.items():
+            learn, test = ((pick(objects, rows), names[rows]) for rows in parts)
+            runs.append(learned(network_of(strength, seed, given), learn, test))
+        weights, losses, seconds, scores = zip(*runs)
+        name = "dense twin" if strength is None else f"λ = {strength:g}"
+        left = np.mean([one[-1] for one in weights])
+        share = 100 * np.mean([one[-1] / one[0] for one in weights])
+        cells = ["- | -" if strength is None else f"{left:,.0f} | {share:.2f}"]
+        cells += [f"{np.mean(losses):.3f}", f"{np.mean(seconds):.0f}", spread(scores)]
+        print(f"| {title} | {name} | " + " | ".join(cells) + " |", flush=True)
+        curves[name] = weights[0]
     return curves
 
 
 def main(given):
-    print("| objects | | weights left | loss | seconds an epoch | accuracy, % |\n" + "|---" * 6 + "|", flush=True)
+    heads = ["objects", "", "weights left", "of all, %", "loss, last epoch", "seconds an epoch", "accuracy, %"]
+    heads += ["lowest to highest"] * (len(given.seeds) > 1)
+    print("| " + " | ".join(heads) + " |\n" + "|---" * len(heads) + "|", flush=True)
     curves = {}
-    for title, load in (("ModelNet, 2 classes", modelnet), ("DALES, 5 classes", dales)):
+    for title, load in (("ModelNet", modelnet), ("DALES", dales)):
         if load.__name__ not in given.sets:
             continue
         objects, points, names = load(given.data)
         train, test = halves(names)
-        if given.most:
-            train = np.random.default_rng(1).permutation(train)[: given.most]
+        splits = {
+            seed: (np.random.default_rng(1 + seed).permutation(train)[: given.most], test) for seed in given.seeds
+        }
         for size in (False, True):
             table = np.array([descriptors(one, size) for one in points], np.float32)
-            forest = scansion.RandomForestClassifier(random_state=0).fit(table[train], names[train])
-            score = np.mean(forest.predict(table[test]) == names[test])
+            scores = [forest_score(table, names, rows, seed) for seed, rows in splits.items()]
             name = "forest, with size" if size else "forest, shape only"
-            print(f"| {title} | {name} | | | | {100 * score:.1f} |", flush=True)
-        curves[title] = rows_of(title, objects, names, (train, test), given)
+            print(f"| {title} | {name} | - | - | - | - | {spread(scores)} |", flush=True)
+        curves[title] = rows_of(title, (objects, names), splits, given)
     if given.plot:
         import matplotlib.pyplot as plt
 
@@ -143,6 +179,7 @@ if __name__ == "__main__":
     parser.add_argument("--batch", type=int)
     parser.add_argument("--rate", type=float, help="default: 0.003, with the constants of the thesis its 0.001")
     parser.add_argument("--most", type=int, help="objects to train on, picked at random")
+    parser.add_argument("--seeds", nargs="+", type=int, default=[0])
     parser.add_argument("--plot", metavar="FILE")
     given = parser.parse_args()
     if given.rate is None and given.network == "modelnet":

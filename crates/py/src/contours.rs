@@ -306,6 +306,7 @@ fn text_of(scores: &scansion_core::contours::LineScores) -> PyResult<String> {
     let mut all = serde_json::to_value(scores).map_err(wrong)?;
     all["precision"] = json!(scores.precision());
     all["recall"] = json!(scores.recall());
+    all["recall_by_length"] = json!(scores.recall_by_length());
     all["f1"] = json!(scores.f1());
     json::text(&all).map_err(raise)
 }

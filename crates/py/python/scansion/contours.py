@@ -372,9 +372,13 @@ def score(
     unsure: Lines = (),
     tolerance: float = 0.06,
     forgiven: float = 0.03,
-    step: float = 0.01,
+    step: float = 0.02,
 ) -> dict[str, float | None]:
     """Precision and recall of lines by the rules of the thesis (section 4.6.2).
+
+    A part of the reference that was not found counts once in ``forgiven`` metres or more, a part that was found at every
+    sample: recall depends on ``step``, whose default is the thesis's distance of points along contours.
+    ``recall_by_length`` weighs both alike.
 
     Parameters
     ----------
@@ -385,15 +389,16 @@ def score(
     tolerance : float
         Largest distance of lines that match.
     forgiven : float
-        Distance from a part that was found within which nothing counts as missing.
+        Distance from a sample that was found, and from one that counts as missing, within which nothing counts as
+        missing.
     step : float
         Distance of the samples that are counted.
 
     Returns
     -------
     dict
-        ``precision``, ``recall`` and ``f1`` (None where nothing counts; F1 is 0 if only one of the others is None), and the
-        numbers of samples.
+        ``precision``, ``recall``, ``recall_by_length`` and ``f1`` (None where nothing counts; F1 is 0 if only precision or
+        recall is None), and the numbers of samples.
 
     Examples
     --------
