@@ -6,9 +6,9 @@
 Needs: pip install . ; with --plot matplotlib.
 
 DATA holds modelnet10_voxels32_chair_monitor.npz and dales_objects_499.tar.gz. A fourth of the objects of each class is for
-testing. NAME is modelnet or modelnet-paper, which has the constants of the thesis unless others are given, and its penalty: λ is
-half of our strength. Beside the networks stand their dense twin and our forest on descriptors of each object, without and with its size
-(the network sees objects scaled to the same cube). Seconds are those of the processor, summed over the threads. With several
+testing. NAME is modelnet or modelnet-paper, which has the constants of the thesis unless others are given, and its penalty: S is
+then its λ, which is half of our strength. Rows are named by our strength. Beside the networks stand their dense twin and our
+forest on descriptors of each object, without and with its size (the network sees objects scaled to the same cube). Seconds are those of the processor, summed over the threads. With several
 seeds, each of which picks other training objects and first weights, numbers are means, and the last column also has the lowest
 and the highest accuracy.
 """
@@ -76,12 +76,16 @@ def pick(objects, rows):
     return objects[rows] if isinstance(objects, np.ndarray) else [objects[i] for i in rows]
 
 
+def factor(given):
+    """Our strength of the regulariser divided by the given one: twice the λ of the thesis for its networks."""
+    return 2 if given.network.endswith("-paper") else 1
+
+
 def network_of(strength, seed, given):
     """A network with a strength of the regulariser; None: its dense twin."""
-    factor = 2 if given.network.endswith("-paper") else 1
     dense = strength is None
     regulariser = {
-        "learning.regulariser.strength": factor * (strength or 0.0),
+        "learning.regulariser.strength": factor(given) * (strength or 0.0),
         "learning.pruning": 0.0 if dense else PRUNING,
     }
     return nn.VoxelClassifier(
@@ -127,7 +131,7 @@ def rows_of(title, data, splits, given):
             learn, test = ((pick(objects, rows), names[rows]) for rows in parts)
             runs.append(learned(network_of(strength, seed, given), learn, test))
         weights, losses, seconds, scores = zip(*runs)
-        name = "dense twin" if strength is None else f"λ = {strength:g}"
+        name = "dense twin" if strength is None else f"strength {factor(given) * strength:g}"
         left = np.mean([one[-1] for one in weights])
         share = 100 * np.mean([one[-1] / one[0] for one in weights])
         cells = ["- | -" if strength is None else f"{left:,.0f} | {share:.2f}"]

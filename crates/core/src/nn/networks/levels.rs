@@ -232,6 +232,8 @@ impl<T: Scalar> LevelsPass<'_, T> {
                 let name = self.weights.parameters.name(layer.weights);
                 error.within(name.trim_end_matches(".weights"))
             })?;
+        // The largest responses above 0 are rectified already.
+        let tensor = if self.levels.attention == Attention::Magnitude { tensor.rectified() } else { tensor };
         self.densities.push(densities);
         self.steps.push(Step::Sparse { layer: *layer, filter, input, output: tensor.clone() });
         Ok(Signal::Sparse(tensor))

@@ -12,7 +12,8 @@ pub enum Attention {
     /// The largest; those not above 0 are dropped (K-ReLU).
     #[default]
     Positive,
-    /// Those of largest magnitude (K-abs).
+    /// Those of largest magnitude (K-abs). In networks the rectified linear unit follows: negative ones, which take places
+    /// among the strongest, become 0.
     Magnitude,
 }
 
@@ -38,9 +39,14 @@ impl Selection {
         }
     }
 
-    /// Most responses of a channel of so many cells: the density times the cells, rounded down, at least 1.
+    /// Most responses of a channel of so many cells: the density times the cells, rounded down, at least 1. The density is a
+    /// decimal fraction that `f64` rounds, and so is the product: a product as near to a whole number as that is this number.
     pub fn most(self, cells: usize) -> usize {
-        ((self.density * cells as f64).floor() as usize).max(1)
+        let product = self.density * cells as f64;
+        let nearest = product.round();
+        let is_whole = (product - nearest).abs() <= 2.0 * f64::EPSILON * nearest;
+        let most = if is_whole { nearest } else { product.floor() };
+        (most as usize).max(1)
     }
 
     /// Strength of a response.
@@ -99,6 +105,19 @@ impl<T: Scalar> Limit<T> {
 mod tests {
     use super::*;
     use crate::random::stream;
+
+    #[test]
+    fn the_bound_of_a_channel_is_that_of_the_decimal_fraction() {
+        // Whole numbers throughout: hundredths of the cells, rounded down.
+        for hundredths in 1..=100usize {
+            let selection = Selection { attention: Attention::Positive, density: hundredths as f64 / 100.0 };
+            for cells in [1, 7, 100, 999, 16usize.pow(3), 128usize.pow(3), 10_000_000] {
+                assert_eq!(selection.most(cells), (hundredths * cells / 100).max(1), "{hundredths} % of {cells}");
+            }
+        }
+        let below = Selection { attention: Attention::Positive, density: 0.289_999_999 };
+        assert_eq!(below.most(100), 28);
+    }
 
     #[test]
     fn the_strongest_stay_in_their_order_and_staying_is_for_good() {

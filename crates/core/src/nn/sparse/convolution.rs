@@ -378,11 +378,10 @@ mod tests {
                 let layer = SparseConvolution { filter, bias: &[0.25; 10], selection: Some(selection) };
                 let found = layer.responses(input, &Monitor::default()).unwrap();
                 let cells = shape.cells();
-                let counted = |v: f64| if attention == Attention::Magnitude { v != 0.0 } else { v > 0.0 };
                 for (channel, sums) in brute(input, filter).chunks(cells).enumerate() {
                     let biased = sums.iter().map(|&sum| if sum == 0.0 { 0.0 } else { sum + 0.25 });
                     let mut entries: Vec<(usize, f64)> = biased.enumerate().filter(|(_, v)| *v != 0.0).collect();
-                    let share = entries.iter().filter(|(_, v)| counted(*v)).count() as f64 / cells as f64;
+                    let share = entries.iter().filter(|(_, v)| *v > 0.0).count() as f64 / cells as f64;
                     assert!((found.densities[channel] - share).abs() < 1e-3);
                     selection.apply(&mut entries, cells);
                     let of = found.tensor.entries(channel, 0..cells);

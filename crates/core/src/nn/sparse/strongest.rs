@@ -15,7 +15,7 @@ const UNCOUNTED: usize = 1 << 20;
 pub(super) struct Found<T> {
     /// Entries (cell, response) of each output channel, by ascending cells.
     pub(super) entries: [Vec<(usize, T)>; LANES],
-    /// Number of responses of each output channel that count for its density, also of those that are not kept.
+    /// Number of responses above 0 of each output channel, also of those that are not kept.
     pub(super) counted: [usize; LANES],
     /// Whether responses of each output channel were dropped to have no more than enough.
     pub(super) dropped: [bool; LANES],
@@ -92,11 +92,9 @@ impl<T: Scalar> Strongest<T> {
     /// Takes the sums of neighbouring cells, which become responses; cells come in ascending order.
     #[inline(always)]
     pub(super) fn take(&mut self, first: usize, sums: &[Sums<T>; MARKED]) {
-        let (all, positive) = (|response: T| response != T::ZERO, |response: T| response > T::ZERO);
         match self.attention {
-            Some(Attention::Positive) => self.keep(first, sums, |response| response, positive),
-            Some(Attention::Magnitude) => self.keep(first, sums, T::magnitude, all),
-            None => self.keep(first, sums, T::magnitude, positive),
+            Some(Attention::Positive) => self.keep(first, sums, |response| response),
+            Some(Attention::Magnitude) | None => self.keep(first, sums, T::magnitude),
         }
         self.cells += MARKED;
         if self.cells > UNCOUNTED {
@@ -104,12 +102,12 @@ impl<T: Scalar> Strongest<T> {
         }
     }
 
-    /// Counts responses and keeps those that are stronger than the least of their channel. Plain loops over local copies, which
+    /// Counts responses above 0 and keeps those that are stronger than the least of their channel. Plain loops over local copies, which
     /// the compiler turns into operations on all channels at once.
     #[inline(always)]
-    fn keep(&mut self, first: usize, sums: &[Sums<T>; MARKED], strength: impl Fn(T) -> T, counts: impl Fn(T) -> bool) {
+    fn keep(&mut self, first: usize, sums: &[Sums<T>; MARKED], strength: impl Fn(T) -> T) {
         let (bias, least) = (self.bias, self.least);
-        // For each channel the responses that count, of every second cell, so that no addition waits for that of the cell before;
+        // For each channel the responses above 0, of every second cell, so that no addition waits for that of the cell before;
         // and a bit a cell that is strong, without operations across channels, which would cost more than all others.
         let (mut counted, mut strong) = ([[T::ZERO; LANES]; 2], [0u32; LANES]);
         for (cell, &Sums(mut values)) in sums.iter().enumerate() {
@@ -118,7 +116,7 @@ impl<T: Scalar> Strongest<T> {
                 values[lane] = if values[lane] == T::ZERO { T::ZERO } else { moved };
             }
             for lane in 0..LANES {
-                counted[cell % 2][lane] += if counts(values[lane]) { T::ONE } else { T::ZERO };
+                counted[cell % 2][lane] += if values[lane] > T::ZERO { T::ONE } else { T::ZERO };
             }
             for lane in 0..LANES {
                 strong[lane] |= if strength(values[lane]) > least[lane] { 1 << cell } else { 0 };

@@ -200,7 +200,7 @@ def sparse_convolution(
     density : float or None
         Upper bound of the share of the cells of a channel that keep a response, above 0, at most 1; None: no bound.
     attention : {"positive", "magnitude"}
-        With a bound: the largest responses above 0, or those of largest magnitude.
+        With a bound: the largest responses above 0, or those of largest magnitude, of either sign.
     n_jobs : int or None
         Number of threads; None: all.
 

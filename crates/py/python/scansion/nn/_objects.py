@@ -56,7 +56,8 @@ class VoxelClassifier(Classifier):
         Highest learning rate; None: that of the network, 0.01 (with those of the thesis 0.001 for ModelNet40).
     settings : mapping, optional
         Any other setting, nested or with dotted keys: ``network.hidden``, ``network.levels``, ``learning.optimiser``,
-        ``learning.regulariser.strength``, ``learning.pruning``, ``learning.augment.turn`` and others; `settings_` lists all.
+        ``network.attention`` ("positive"; "magnitude" keeps responses by magnitude, of which the negative ones then become
+        0), ``learning.regulariser.strength`` (twice the λ of the thesis), ``learning.pruning``, ``learning.augment.turn`` and others; `settings_` lists all.
     random_state : int, numpy.random.RandomState or None
         Seed; None means 0.
     n_jobs : int, optional

@@ -125,16 +125,18 @@ mod tests {
 
     #[test]
     fn without_bias_and_bound_the_sparse_network_is_its_dense_twin() {
-        let (mut params, batch) = small(Attention::Positive);
-        params.levels.iter_mut().take(2).for_each(|level| level.density = Some(1.0));
-        let shape = ObjectShape { channels: 1, extent: vec![8, 9] };
-        let (net, parameters) = ObjectNet::new::<f64>(&params, &shape, 3, 11).unwrap();
-        let (twin, _) = ObjectNet::new::<f64>(&params.dense_twin(), &shape, 3, 11).unwrap();
-        let weights = Weights { parameters: &parameters, kept: &[] };
-        let scores = |net: &ObjectNet| {
-            net.pass(weights, batch.clone(), Mode::Prediction, &Monitor::default()).unwrap().scores().to_vec()
-        };
-        assert!(scores(&net).iter().zip(scores(&twin)).all(|(a, b)| (a - b).abs() < 1e-12));
+        for attention in [Attention::Positive, Attention::Magnitude] {
+            let (mut params, batch) = small(attention);
+            params.levels.iter_mut().take(2).for_each(|level| level.density = Some(1.0));
+            let shape = ObjectShape { channels: 1, extent: vec![8, 9] };
+            let (net, parameters) = ObjectNet::new::<f64>(&params, &shape, 3, 11).unwrap();
+            let (twin, _) = ObjectNet::new::<f64>(&params.dense_twin(), &shape, 3, 11).unwrap();
+            let weights = Weights { parameters: &parameters, kept: &[] };
+            let scores = |net: &ObjectNet| {
+                net.pass(weights, batch.clone(), Mode::Prediction, &Monitor::default()).unwrap().scores().to_vec()
+            };
+            assert!(scores(&net).iter().zip(scores(&twin)).all(|(a, b)| (a - b).abs() < 1e-12), "{attention:?}");
+        }
     }
 
     #[test]
