@@ -5,7 +5,7 @@
 //! d = 2 ρ asin(c / (2 ρ)) = c φ / sin φ with sin φ = h / c. On a plane d = c; always c ≤ d ≤ π c / 2. Exact on
 //! spheres.
 
-use super::params::{RiemannianGraphParams, Symmetry};
+use super::params::{RiemannianGraphParams, Sides, Symmetry};
 
 /// Below this angle (radians) the series of φ / sin φ is exact in `f64`.
 const SMALL: f64 = 1e-3;
@@ -27,11 +27,13 @@ pub(super) struct Tangent {
     pub(super) centre: [f32; 3],
     /// Unit normal.
     pub(super) normal: [f32; 3],
+    /// Whether the sign of the normal counts.
+    pub(super) sides: Sides,
 }
 
 /// d_proj of two supervoxels; symmetric.
 pub(super) fn projected_distance(from: Tangent, to: Tangent, params: &RiemannianGraphParams) -> f64 {
-    let (Tangent { centre: a, normal: n }, Tangent { centre: b, normal: m }) = (from, to);
+    let (Tangent { centre: a, normal: n, sides }, Tangent { centre: b, normal: m, .. }) = (from, to);
     let between = [0, 1, 2].map(|k| f64::from(b[k]) - f64::from(a[k]));
     let dot = |u: [f64; 3], v: [f64; 3]| u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
     let (n, m) = (n.map(f64::from), m.map(f64::from));
@@ -41,7 +43,8 @@ pub(super) fn projected_distance(from: Tangent, to: Tangent, params: &Riemannian
         Symmetry::Max => there.max(back),
         Symmetry::Min => there.min(back),
     };
-    if params.thin_wall { distance * (2.0 - dot(n, m)).clamp(1.0, 3.0) } else { distance }
+    let cosine = if sides == Sides::Unsigned { dot(n, m).abs() } else { dot(n, m) };
+    if params.thin_wall { distance * (2.0 - cosine).clamp(1.0, 3.0) } else { distance }
 }
 
 #[cfg(test)]
@@ -58,7 +61,7 @@ mod tests {
             assert!((arc(chord, height) - length).abs() < 1e-12, "{length}");
         }
         let (n, m) = ([0.0f32, 0.0, 1.0], [(0.7f32).sin(), 0.0, (0.7f32).cos()]);
-        let at = |normal: [f32; 3]| Tangent { centre: normal.map(|c| 2.0 * c), normal };
+        let at = |normal: [f32; 3]| Tangent { centre: normal.map(|c| 2.0 * c), normal, sides: Sides::Signed };
         for symmetry in [Symmetry::Max, Symmetry::Min] {
             let params = RiemannianGraphParams { symmetry, ..Default::default() };
             assert!((projected_distance(at(n), at(m), &params) - 1.4).abs() < 1e-6);
@@ -81,10 +84,15 @@ mod tests {
             for symmetry in [Symmetry::Max, Symmetry::Min] {
                 for (thin_wall, most) in [(false, 1.0), (true, 3.0)] {
                     let params = RiemannianGraphParams { symmetry, thin_wall, ..Default::default() };
-                    let (from, to) = (Tangent { centre: a, normal: n }, Tangent { centre: b, normal: m });
-                    let d = projected_distance(from, to, &params);
-                    assert_eq!(d, projected_distance(to, from, &params));
-                    assert!(d >= chord - 1e-6 && d <= most * std::f64::consts::FRAC_PI_2 * chord + 1e-6);
+                    for sides in [Sides::Signed, Sides::Unsigned] {
+                        let at = |centre, normal| Tangent { centre, normal, sides };
+                        let (from, to) = (at(a, n), at(b, m));
+                        let d = projected_distance(from, to, &params);
+                        assert_eq!(d, projected_distance(to, from, &params));
+                        assert!(d >= chord - 1e-6 && d <= most * std::f64::consts::FRAC_PI_2 * chord + 1e-6);
+                        let flipped = projected_distance(from, at(b, m.map(|c| -c)), &params);
+                        assert_eq!(d == flipped, sides == Sides::Unsigned || !thin_wall);
+                    }
                 }
             }
         }
@@ -92,8 +100,9 @@ mod tests {
 
     #[test]
     fn the_faces_of_a_thin_wall_are_apart_with_the_factor() {
-        let front = Tangent { centre: [0.0; 3], normal: [0.0, -1.0, 0.0] };
-        let back = Tangent { centre: [0.0, 0.1, 0.0], normal: [0.0, 1.0, 0.0] };
+        let sides = Sides::Signed;
+        let front = Tangent { centre: [0.0; 3], normal: [0.0, -1.0, 0.0], sides };
+        let back = Tangent { centre: [0.0, 0.1, 0.0], normal: [0.0, 1.0, 0.0], sides };
         let distance =
             |thin_wall| projected_distance(front, back, &RiemannianGraphParams { thin_wall, ..Default::default() });
         assert!((distance(false) - 0.1 * std::f64::consts::FRAC_PI_2).abs() < 1e-6);

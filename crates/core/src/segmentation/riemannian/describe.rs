@@ -3,6 +3,7 @@
 //! Li 2018, section 3.3: f = (n_x, n_y, n_z, a_p, a_s) with planarity a_p = (λ2 − λ3) / λ1 and scattering a_s = λ3 / λ1
 //! of the covariance (divisor n) of its points.
 
+use super::arc::Tangent;
 use super::params::Sides;
 use crate::cloud::Positions;
 use crate::error::Result;
@@ -29,6 +30,16 @@ pub(super) struct Nodes {
     pub(super) features: Vec<f32>,
     /// Values per node: 5, or 8 for unsigned normals.
     pub(super) width: usize,
+    /// Whether the signs of the normals count.
+    pub(super) sides: Sides,
+}
+
+impl Nodes {
+    /// The tangent plane of a node.
+    pub(super) fn tangent(&self, node: u32) -> Tangent {
+        let node = node as usize;
+        Tangent { centre: self.centres[node], normal: self.normals[node], sides: self.sides }
+    }
 }
 
 /// Points with unit normals.
@@ -53,7 +64,7 @@ pub(super) fn describe(
         let range = block * BLOCK..((block + 1) * BLOCK).min(supervoxels.len());
         Ok(range.map(|s| one(oriented, supervoxels.members(s))).collect::<Vec<_>>())
     })?;
-    let mut nodes = Nodes { width: if sides == Sides::Signed { 5 } else { 8 }, ..Nodes::default() };
+    let mut nodes = Nodes { width: if sides == Sides::Signed { 5 } else { 8 }, sides, ..Nodes::default() };
     for (centre, normal, [planarity, scattering]) in parts.into_iter().flatten() {
         nodes.centres.push(centre);
         nodes.normals.push(normal);

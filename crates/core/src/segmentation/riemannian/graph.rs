@@ -3,7 +3,7 @@
 //! Li 2018, section 3.2. By "Kruskal coordinates" the paper means the spanning tree of J. B. Kruskal 1956, not his
 //! multidimensional scaling of 1964: it sorts edges and adds them until all nodes are connected.
 
-use super::arc::{Tangent, projected_distance};
+use super::arc::projected_distance;
 use super::describe::Nodes;
 use super::euclidean_tree::euclidean_tree;
 use super::params::{Nearest, RiemannianGraphParams};
@@ -39,8 +39,8 @@ pub(super) fn riemannian_graph(
     let pairs = candidates(&near, euclidean_tree(&centres, &near, monitor)?, monitor)?;
     let lengths = map_ordered(pairs.len().div_ceil(BLOCK), monitor, |block| {
         let pairs = &pairs[block * BLOCK..((block + 1) * BLOCK).min(pairs.len())];
-        let end = |i: u32| Tangent { centre: nodes.centres[i as usize], normal: nodes.normals[i as usize] };
-        Ok(pairs.iter().map(|&[a, b]| projected_distance(end(a), end(b), params) as f32).collect::<Vec<_>>())
+        let length = |&[a, b]: &[u32; 2]| projected_distance(nodes.tangent(a), nodes.tangent(b), params) as f32;
+        Ok(pairs.iter().map(length).collect::<Vec<_>>())
     })?;
     let lengths: Vec<f32> = concat_watched(lengths, monitor)?;
     let candidates = Graph::new_watched(nodes.centres.len(), &pairs, &lengths, monitor)?;
@@ -147,6 +147,7 @@ mod tests {
     use super::*;
     use crate::graph::{EdgeWeight, connected_components};
     use crate::random::stream;
+    use crate::segmentation::Sides;
 
     fn nodes(count: usize, bent: bool) -> Nodes {
         let mut random = stream(5, 2);
@@ -162,8 +163,7 @@ mod tests {
     }
 
     fn length(nodes: &Nodes, [a, b]: [u32; 2], params: &RiemannianGraphParams) -> f32 {
-        let end = |i: u32| Tangent { centre: nodes.centres[i as usize], normal: nodes.normals[i as usize] };
-        projected_distance(end(a), end(b), params) as f32
+        projected_distance(nodes.tangent(a), nodes.tangent(b), params) as f32
     }
 
     /// Total length of the spanning tree of given pairs by Prim's algorithm.
@@ -223,6 +223,22 @@ mod tests {
             own.sort_by(|a, b| a.0.total_cmp(&b.0));
             assert!(own[..8].iter().all(|(_, p)| graph.edges().binary_search(p).is_ok()), "node {i}");
         }
+    }
+
+    #[test]
+    fn without_sides_the_graph_does_not_depend_on_the_signs_of_normals() {
+        let params = RiemannianGraphParams {
+            thin_wall: true,
+            edge_weight: EdgeWeight::Inverse { offset: 1.0 },
+            ..Default::default()
+        };
+        let graph = |sides, flipped: bool| {
+            let mut nodes = Nodes { sides, ..nodes(300, true) };
+            nodes.normals.iter_mut().step_by(2).filter(|_| flipped).for_each(|n| *n = n.map(|c| -c));
+            riemannian_graph(&nodes, &params, &Monitor::default()).unwrap().graph
+        };
+        assert_eq!(graph(Sides::Unsigned, false), graph(Sides::Unsigned, true));
+        assert_ne!(graph(Sides::Signed, false), graph(Sides::Signed, true));
     }
 
     #[test]

@@ -84,7 +84,8 @@ pub struct RiemannianGraphParams {
     pub nearest_by: Nearest,
     /// How d_proj becomes symmetric.
     pub symmetry: Symmetry,
-    /// Multiply d_proj by 2 − n_i · n_j: keeps the two faces of a thin wall apart.
+    /// Multiply d_proj by 2 − n_i · n_j: keeps the two faces of a thin wall apart. For [`Sides::Unsigned`] by
+    /// 2 − |n_i · n_j|, which keeps surfaces apart that meet at an edge, but not two faces.
     pub thin_wall: bool,
     /// Weight of an edge in the optimisation, from d_proj and its mean over the edges.
     pub edge_weight: EdgeWeight,

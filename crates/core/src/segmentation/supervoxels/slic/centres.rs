@@ -7,13 +7,17 @@ use crate::linalg::Sym3;
 use crate::parallel::{Monitor, watched};
 use rayon::prelude::*;
 
-/// A cluster centre: mean position, normal of the plane and mean colour of its points.
+/// A cluster centre: mean position, normal of the plane and mean colour of its points. Until its points define a plane, the
+/// normal is the mean axis of theirs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Centre {
     pub(super) place: [f32; 3],
     pub(super) normal: [f32; 3],
     pub(super) colour: [f32; 3],
 }
+
+/// The normal of a centre of which nothing is known yet.
+const UNKNOWN: [f32; 3] = [0.0; 3];
 
 /// Sums over the points of a centre, relative to its previous position.
 #[derive(Clone, Copy, Default)]
@@ -34,7 +38,7 @@ pub(super) fn seeds(scene: &Sorted, min_points: usize, monitor: &Monitor) -> Res
         if range.len() >= min_points {
             let place = scene.grid.centre(scene.cells.keys[cell]);
             labels[range].fill(centres.len() as u32);
-            centres.push(Centre { place, normal: [0.0, 0.0, 1.0], colour: [0.0; 3] });
+            centres.push(Centre { place, normal: UNKNOWN, colour: [0.0; 3] });
         }
     }
     update(scene, &labels, &mut centres, monitor)?;
@@ -52,7 +56,31 @@ pub(super) fn update(scene: &Sorted, labels: &[u32], centres: &mut [Centre], mon
         }
     }
     let moves: Vec<f64> = centres.par_iter_mut().zip(&sums).map(|(centre, sum)| centre.follow(sum)).collect();
+    if centres.iter().any(|centre| centre.normal == UNKNOWN) {
+        take_axes(scene, labels, centres, monitor)?;
+    }
     Ok(moves.iter().sum::<f64>() / moves.len().max(1) as f64)
+}
+
+/// Gives the centres without a normal the mean axis of the normals of their points, the first eigenvector of Σ n nᵀ, which
+/// does not depend on signs.
+fn take_axes(scene: &Sorted, labels: &[u32], centres: &mut [Centre], monitor: &Monitor) -> Result<()> {
+    if scene.normals[0].is_empty() {
+        return Ok(());
+    }
+    let mut normals: Vec<Vec<[f64; 3]>> = vec![Vec::new(); centres.len()];
+    for piece in watched(labels.len(), monitor) {
+        let piece = piece?;
+        for (i, &label) in piece.clone().zip(&labels[piece]).filter(|(_, l)| **l != NO_SUPERVOXEL) {
+            if centres[label as usize].normal == UNKNOWN {
+                normals[label as usize].push([0, 1, 2].map(|a| f64::from(scene.normals[a][i])));
+            }
+        }
+    }
+    for (centre, own) in centres.iter_mut().zip(&normals).filter(|(_, own)| !own.is_empty()) {
+        centre.normal = Sym3::scatter(own, [0.0; 3], 1.0).eigen().vectors[0].map(|v| v as f32);
+    }
+    Ok(())
 }
 
 impl Sums {
@@ -131,5 +159,18 @@ mod tests {
         assert_eq!(seeds.len(), 1);
         assert!((seeds[0].normal[1].abs() - 1.0).abs() < 1e-6);
         assert!(update(&sorted, &labels, &mut seeds, &Monitor::default()).unwrap() < 1e-6);
+    }
+
+    #[test]
+    fn points_on_a_line_give_their_centre_the_mean_axis_of_their_normals() {
+        // The edge of a wall that looks along y; normals of either side.
+        let rows: Vec<[f64; 3]> = (0..8).map(|i| [f64::from(i), 2.0, 1.0]).collect();
+        let normals: Vec<[f32; 3]> = (0..8).map(|i| [0.0, if i % 2 == 0 { 1.0 } else { -1.0 }, 0.0]).collect();
+        let points = super::super::super::testing::points_of(&rows);
+        let attributes = PointAttributes { normals: Some(&normals), colours: None };
+        let sorted = Sorted::new(&points, &attributes, 10.0, &Monitor::default()).unwrap();
+        let (_, seeds) = seeds(&sorted, 3, &Monitor::default()).unwrap();
+        assert_eq!(seeds.len(), 1);
+        assert!((seeds[0].normal[1].abs() - 1.0).abs() < 1e-6, "{:?}", seeds[0].normal);
     }
 }
