@@ -6,11 +6,11 @@
 Needs: pip install . ; with --plot matplotlib.
 
 DATA holds modelnet10_voxels32_chair_monitor.npz and dales_objects_499.tar.gz. A fourth of the objects of each class is for
-testing. NAME is modelnet or modelnet-paper, which has the constants of the thesis unless others are given, and its penalty: S is
-then its λ, which is half of our strength. Rows are named by our strength. Beside the networks stand their dense twin and our
-forest on descriptors of each object, without and with its size (the network sees objects scaled to the same cube). Seconds are those of the processor, summed over the threads. With several
-seeds, each of which picks other training objects and first weights, numbers are means, and the last column also has the lowest
-and the highest accuracy.
+testing. NAME is modelnet or modelnet-paper, which has the constants of the thesis unless others are given, and its penalty: S
+is then its λ, which is half of our strength. Rows are named by our strength. Beside the networks stand their dense twin and our
+forest on descriptors of each object, without and with its size (the network sees objects scaled to the same cube). Seconds are
+those of the processor, summed over the threads. With several seeds, each of which picks other training objects and first
+weights, numbers are means, and the last column has the lowest and the highest accuracy.
 """
 
 import argparse

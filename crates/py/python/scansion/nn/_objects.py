@@ -32,8 +32,9 @@ class VoxelClassifier(Classifier):
     """Classifies whole objects (images, occupied cells, clouds of points) by a sparse convolutional network.
 
     T. Hackel, *Large-scale Machine Learning for Point Cloud Processing*, ETH Zurich 2018, doi:10.3929/ethz-b-000264691,
-    chapter 6: levels of direct sparse convolutions that keep only their strongest responses, max pooling after each, and
-    two fully connected layers. The same data, settings and ``random_state`` give the same bytes, for any number of threads.
+    chapter 6: levels of direct sparse convolutions that keep only their strongest responses, max pooling of two cells along
+    each axis after each (if their number is odd, the last is dropped), and two fully connected layers. The same data, settings
+    and ``random_state`` give the same bytes, for any number of threads.
 
     Parameters
     ----------
@@ -67,9 +68,9 @@ class VoxelClassifier(Classifier):
     ----------
     classes_ : array of shape (n_classes,)
     history_ : list of dict
-        For each epoch ``loss``; ``densities`` of the responses of each sparse convolution before the strongest were
-        selected; ``weights`` of sparse convolutions that are left; ``bytes`` of sparse tensors of a step; ``seconds``. Epochs
-        before a checkpoint are not in it.
+        For each epoch ``loss``; ``densities`` of each sparse convolution, the share of the cells with a response above 0,
+        before the strongest were selected; ``weights`` of sparse convolutions that are left; ``bytes`` of sparse tensors of a
+        step; ``seconds``. Epochs before a checkpoint are not in it.
     settings_ : dict
         ``network`` and ``learning`` with all values.
     shape_ : dict
