@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Interface {
-    /// The number of graph edges between them (Guinard & Landrieu 2017, equation 4).
+    /// The number of graph edges between them (w of Guinard & Landrieu 2017, section 3.2).
     #[default]
     Count,
     /// The sum of the weights of these edges.

@@ -1,4 +1,4 @@
-//! The segments of a cloud and their features (Hasanpour Zaryabi et al. 2022, section 3.4).
+//! The segments of a cloud and their features (Hasanpour Zaryabi et al. 2022, section 3.6 and Table 3).
 
 use super::{Heights, ObjectsRecipe};
 use crate::cloud::{MetricCloud, Points};

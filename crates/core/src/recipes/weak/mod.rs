@@ -8,12 +8,12 @@
 //! |---|---|
 //! | 2.1 local descriptors | [`WeakRecipe::neighbourhood`] |
 //! | 2.2 road, elevation, position | [`WeakRecipe::road`] |
-//! | 3 segmentation | [`WeakRecipe::regularise`], `partition` |
+//! | 2.3, 3 adjacency, segmentation | [`WeakRecipe::regularise`], `neighbours`, `partition` |
 //! | beyond the paper: multi-scale features | [`WeakRecipe::descriptors`], [`WeakRecipe::features`] |
-//! | 4.1 weakly supervised classifier | [`WeakRecipe::labels`], [`WeakRecipe::forest`] |
+//! | 4, 5.1 weakly supervised classifier, its labels | [`WeakRecipe::labels`], [`WeakRecipe::forest`] |
 //! | beyond the paper: class shares | [`WeakRecipe::shares`] |
 //! | beyond the paper: labels as constraints | [`WeakLabels::hold`] |
-//! | 4.2 probabilities of segments, field | [`WeakRecipe::regularise`] |
+//! | 4 probabilities of segments, field | [`WeakRecipe::regularise`] |
 
 mod classify;
 mod describe;

@@ -2,7 +2,7 @@
 //!
 //! L. Landrieu, G. Obozinski, *Cut pursuit: fast algorithms to learn piecewise constant functions on general weighted
 //! graphs*, SIAM J. Imaging Sciences 10(4), 2017, section 3; as used by S. Guinard, L. Landrieu, ISPRS Archives
-//! XLII-1/W1, 2017, equation 1. Minimises Q = Σ m_i ‖f_i − x_c(i)‖² + ρ Σ w_ij [c(i) ≠ c(j)].
+//! XLII-1/W1, 2017, section 3.1. Minimises Q = Σ m_i ‖f_i − x_c(i)‖² + ρ Σ w_ij [c(i) ≠ c(j)].
 //!
 //! | paper | here |
 //! |---|---|

@@ -26,7 +26,7 @@ pub(super) const GREEDY_LINKS: usize = 10_000;
 #[serde(default, deny_unknown_fields)]
 pub struct MergeParams {
     /// ρ: cost of a boundary edge of weight 1, in units of squared feature difference. Larger: fewer, larger segments.
-    /// ≥ 0; infinite gives one segment per connected component.
+    /// ≥ 0; infinite gives one segment per connected component over edges of positive weight.
     #[serde(deserialize_with = "crate::settings::number")]
     pub strength: f64,
     /// Segments of less weight than this are merged into their best neighbour, at any cost. ≥ 0; 0 keeps all.

@@ -25,7 +25,7 @@ pub enum Preset {
 #[serde(default, deny_unknown_fields)]
 pub struct CutPursuitParams {
     /// ρ: cost of a boundary edge of weight 1, in units of squared feature difference. Larger: fewer, larger segments.
-    /// ≥ 0; infinite gives one segment per connected component.
+    /// ≥ 0; infinite gives one segment per connected component over edges of positive weight.
     #[serde(deserialize_with = "crate::settings::number")]
     pub strength: f64,
     /// Segments of less weight than this are merged into their best neighbour at the end, at any cost. ≥ 0; 0 keeps
@@ -95,7 +95,8 @@ impl Default for CutPursuitSteps {
 }
 
 impl CutPursuitSteps {
-    /// The published method: without repeated attempts, moves, cycles and coarse graphs.
+    /// The published method: without repeated attempts, moves, cycles and coarse graphs. With more than 10,000 links
+    /// between segments many pairs still merge at once, instead of the pair of largest gain first.
     pub fn paper() -> Self {
         Self { coarse_above: None, cycles: 1, attempts: 1, moves: false, ..Self::default() }
     }
