@@ -390,6 +390,9 @@ class PointClassifier(Classifier):
     ) -> NDArray[np.float32]:
         """Probability of each class for every point, columns in the order of ``classes_``.
 
+        With regularisation, and with the recipes ``unet``, ``windows``, ``spheres``, ``clusters``, ``weak`` and ``contours``
+        also without, p becomes (1 - a) p + a / classes, where a is ``regularise.smoothing`` (0.01).
+
         Parameters
         ----------
         cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)

@@ -17,7 +17,8 @@ use std::ops::Range;
 pub struct Responses<T> {
     /// The responses that are kept.
     pub tensor: SparseTensor<T>,
-    /// For each output channel the share of the cells whose response is above 0, before the strongest are selected, averaged over the samples: what the density regulariser follows.
+    /// For each output channel the share of the cells whose response is above 0, before the strongest are selected, averaged
+    /// over the samples: what the density regulariser follows.
     pub densities: Vec<f64>,
 }
 

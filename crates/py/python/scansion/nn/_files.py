@@ -160,8 +160,9 @@ def load_voxels(path: Path) -> tuple[NDArray[Any], NDArray[np.str_]]:
 def load_weights(path: Path) -> dict[str, NDArray[Any]]:
     """The arrays of a network of scansion by name, for use in other programs: ``numpy.savez("net.npz", **load_weights(path))``.
 
-    Both kinds of networks are read: models of the recipe ``unet`` and those of :class:`VoxelClassifier`. What each array
-    is, is told in the guide, page "Sparse convolution". The file is in the format safetensors, which other libraries read
+    Models of the recipes ``unet`` and ``windows`` and networks of :class:`VoxelClassifier` are read. What each array is, is
+    told in the guide, pages "A sparse convolutional network", "Windows at five scales" and "Direct sparse convolution with
+    attention". The file is in the format safetensors, which other libraries read
     directly.
 
     Parameters

@@ -8,6 +8,8 @@ from scansion._classifier import PointClassifier
 class SparseUNet(PointClassifier):
     """A sparse U-Net that labels every point of a cloud: :class:`scansion.PointClassifier` with the recipe ``unet``.
 
+    Its probabilities are (1 - 0.01) p + 0.01 / classes (``regularise.smoothing``), also without regularisation.
+
     Parameters
     ----------
     recipe : path, str or mapping, optional
