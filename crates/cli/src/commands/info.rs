@@ -6,7 +6,7 @@ use crate::exit_code::Failure;
 use scansion_core::Error;
 use scansion_core::classes::preset;
 use scansion_core::cloud::MetricCloud;
-use scansion_core::cloud::crs::{Unit, unit_of};
+use scansion_core::cloud::crs::{Unit, Vertical, unit_of};
 use scansion_core::evaluation::report::csv_field;
 use scansion_core::io::salvage::{self, Losses};
 use scansion_core::io::{self, FileInfo, statistics};
@@ -160,6 +160,9 @@ fn table(described: &Described) -> String {
     }
     line("CRS", info.crs.as_deref().map_or("unknown".into(), |c| c.chars().take(100).collect()));
     line("unit", unit(info));
+    if let Some(vertical) = info.vertical {
+        line("heights", heights(vertical));
+    }
     line("dimensions", info.dimensions.join(" "));
     if let Some(octree) = &info.octree {
         let points: Vec<String> = octree.points_per_level.iter().map(ToString::to_string).collect();
@@ -189,11 +192,20 @@ fn table(described: &Described) -> String {
 /// The unit of the coordinates.
 fn unit(info: &FileInfo) -> String {
     match (info.metres_per_unit, info.crs.as_deref().and_then(unit_of)) {
-        (Some(metres), _) if (metres - 1.0).abs() < 1e-12 => "metre".into(),
-        (Some(metres), _) => format!("{metres} m{}", foot(metres)),
+        (Some(metres), _) => length(metres),
         (None, Some(Unit::Degrees)) => "degrees: to be projected before distances count".into(),
         (None, _) => "unknown, taken as metres".into(),
     }
+}
+
+/// The vertical system and the unit of heights.
+fn heights(Vertical { code, metres_per_unit }: Vertical) -> String {
+    let system = code.map_or("system without a code".into(), |code| format!("EPSG:{code}"));
+    format!("{system}, unit {}", metres_per_unit.map_or("unknown".into(), length))
+}
+
+fn length(metres: f64) -> String {
+    if (metres - 1.0).abs() < 1e-12 { "metre".into() } else { format!("{metres} m{}", foot(metres)) }
 }
 
 /// The name of a well-known unit of length.
@@ -228,7 +240,16 @@ fn csv(described: &[Described]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::places;
+    use super::{heights, places};
+    use scansion_core::cloud::crs::Vertical;
+
+    #[test]
+    fn heights_are_told_by_code_and_unit() {
+        let told = |code, metres_per_unit| heights(Vertical { code, metres_per_unit });
+        assert_eq!(told(Some(8228), Some(0.3048)), "EPSG:8228, unit 0.3048 m (foot)");
+        assert_eq!(told(None, Some(1.0)), "system without a code, unit metre");
+        assert_eq!(told(Some(5103), None), "EPSG:5103, unit unknown");
+    }
 
     #[test]
     fn decimal_places_follow_from_the_scale() {

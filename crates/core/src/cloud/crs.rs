@@ -1,9 +1,12 @@
 //! Units of coordinate reference systems, read from their text.
 //!
-//! A system is given as WKT (OGC 01-009, ISO 19162) or as a code of the EPSG registry (`EPSG:2229`). `epsg.bin`
-//! contains the WKT of EPSG's codes; `scripts/epsg-table` generates it.
+//! A system is given as WKT (OGC 01-009, ISO 19162) or as a code of the EPSG registry (`EPSG:2229`, and with a vertical
+//! system `EPSG:2229+5703`). `epsg.bin` contains the WKT of EPSG's codes; `scripts/epsg-table` generates it.
 
+use serde::Serialize;
+use std::collections::BTreeMap;
 use std::io::Read;
+use std::sync::OnceLock;
 
 /// EPSG's systems as WKT, deflated; `scripts/epsg-table` describes the layout.
 const EPSG: &[u8] = include_bytes!("epsg.bin");
@@ -65,10 +68,71 @@ pub fn unit_of(crs: &str) -> Option<Unit> {
 
 /// Metres per unit of height, if the system has a vertical part that states it.
 pub fn vertical_unit_of(crs: &str) -> Option<f64> {
-    match epsg_code(crs) {
-        Some(code) => Node::parse(&wkt_of(code)?)?.vertical(),
-        None => Node::parse(crs)?.vertical(),
+    match (added_vertical(crs), epsg_code(crs)) {
+        (Some(code), _) => Node::parse(vertical_wkt(code)?)?.vertical(),
+        (None, Some(code)) => Node::parse(&wkt_of(code)?)?.vertical(),
+        (None, None) => Node::parse(crs)?.vertical(),
     }
+}
+
+/// What is known of the heights of a system.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Vertical {
+    /// EPSG code of the vertical system.
+    pub code: Option<u16>,
+    /// Metres per unit of height.
+    pub metres_per_unit: Option<f64>,
+}
+
+/// The vertical part of a system; `None` if the system says nothing of heights.
+pub fn vertical_of(crs: &str) -> Option<Vertical> {
+    let found = Vertical { code: codes_of(crs).vertical, metres_per_unit: vertical_unit_of(crs) };
+    (found != Vertical::default()).then_some(found)
+}
+
+/// What to tell the user of a vertical system whose unit neither the cloud nor our table tells.
+pub fn unknown_vertical(crs: &str) -> Option<String> {
+    match vertical_of(crs)? {
+        Vertical { code: Some(code), metres_per_unit: None } => Some(format!(
+            "the vertical system EPSG:{code} is not in our table: its code is kept, and heights are taken in the unit of x and y"
+        )),
+        _ => None,
+    }
+}
+
+/// The horizontal system (`EPSG:n`) and what is stated of heights as one text: `EPSG:n+m`, or WKT if the unit of heights
+/// is not the one that the vertical system, or else x and y, have. `metres` are those per unit of x and y.
+pub fn with_heights(plane: Option<String>, metres: Option<f64>, heights: Vertical) -> Option<String> {
+    let usual = heights.code.and_then(|code| Node::parse(vertical_wkt(code)?)?.vertical()).or(metres).unwrap_or(1.0);
+    let own = heights.metres_per_unit.filter(|&own| !same_length(own, usual));
+    let short = plane.as_ref().map(|plane| match heights.code {
+        Some(code) => format!("{plane}+{code}"),
+        None => plane.clone(),
+    });
+    let base = match plane.as_deref().and_then(epsg_code) {
+        Some(code) => wkt_of(code).filter(|wkt| !wkt.starts_with("COMPD_CS[")),
+        None => metres.map(local),
+    };
+    match (own, base) {
+        (Some(own), Some(base)) => {
+            let name = short.as_deref().unwrap_or("unknown");
+            Some(compound(name, &base, &heights_of(heights.code, own)))
+        }
+        _ => short,
+    }
+}
+
+/// A vertical system in WKT 1 of which only the unit, and perhaps the code, are known.
+fn heights_of(code: Option<u16>, metres: f64) -> String {
+    let unit = LinearUnit::of(metres).map_or("unit", |unit| unit.name);
+    let name = code.map_or("unknown".into(), |code| format!("EPSG:{code}"));
+    let id = code.map(|code| format!(",AUTHORITY[\"EPSG\",\"{code}\"]")).unwrap_or_default();
+    format!("VERT_CS[\"{name}\",VERT_DATUM[\"unknown\",2005],UNIT[\"{unit}\",{metres}],AXIS[\"Up\",UP]{id}]")
+}
+
+/// A compound system in WKT 1.
+fn compound(name: &str, plane: &str, heights: &str) -> String {
+    format!("COMPD_CS[\"{name}\",{plane},{heights}]")
 }
 
 /// EPSG codes of the parts of a system, as far as they are known.
@@ -98,10 +162,20 @@ fn added_vertical(crs: &str) -> Option<u16> {
     epsg_code(crs).and_then(|_| crs.split_once('+')?.1.trim().parse().ok())
 }
 
-/// Whether two texts denote the same system: equal texts, or the same EPSG code.
+/// Whether two texts denote the same system: equal texts, or the same EPSG code of the whole or of the horizontal part.
+/// Where both tell the system or the unit of heights, these must be the same too.
 pub fn same(a: &str, b: &str) -> bool {
-    let code = |crs| epsg_code(crs).or_else(|| Node::parse(crs)?.code());
-    a == b || code(a).is_some_and(|found| Some(found) == code(b))
+    let whole = |crs| epsg_code(crs).or_else(|| Node::parse(crs)?.code());
+    let plane = |crs| codes_of(crs).horizontal;
+    let equal = |one: Option<u16>, other: Option<u16>| one.is_some() && one == other;
+    a == b || ((equal(whole(a), whole(b)) || equal(plane(a), plane(b))) && heights_agree(a, b))
+}
+
+/// Whether two systems do not contradict each other about heights.
+fn heights_agree(a: &str, b: &str) -> bool {
+    let (Some(one), Some(other)) = (vertical_of(a), vertical_of(b)) else { return true };
+    let codes = one.code.zip(other.code).is_none_or(|(a, b)| a == b);
+    codes && one.metres_per_unit.zip(other.metres_per_unit).is_none_or(|(a, b)| same_length(a, b))
 }
 
 /// The code of `EPSG:2229`, of `EPSG:2229+5703` (its first part) and of `urn:ogc:def:crs:EPSG::2229`.
@@ -117,26 +191,84 @@ pub fn epsg_code(crs: &str) -> Option<u16> {
     rest.split('+').next()?.trim().parse().ok()
 }
 
+/// The WKT of a system that is given as WKT or as a code; `None` if the code is not in the table. A vertical code that is
+/// not in the table is left out.
+pub fn wkt(crs: &str) -> Option<String> {
+    let Some(code) = epsg_code(crs) else { return Some(crs.to_string()) };
+    let plane = wkt_of(code)?;
+    let heights = added_vertical(crs).and_then(vertical_wkt).filter(|_| !plane.starts_with("COMPD_CS["));
+    Some(heights.map_or_else(|| plane.clone(), |heights| compound(crs.trim(), &plane, heights)))
+}
+
 /// The WKT of an EPSG code, if it is in the table.
 pub fn wkt_of(code: u16) -> Option<String> {
-    let number = |at: usize, bytes: usize| -> Option<usize> {
-        Some(EPSG.get(at..at + bytes)?.iter().rev().fold(0, |sum, &byte| sum << 8 | usize::from(byte)))
-    };
-    let frames = number(0, 2)?;
     let first = |frame: usize| number(2 + ENTRY * frame, 2);
-    let frame = (0..frames).take_while(|&f| first(f).is_some_and(|c| c <= usize::from(code))).last()?;
-    let end = |frame: usize| number(4 + ENTRY * frame, 4);
-    let start = if frame == 0 { 0 } else { end(frame - 1)? };
-    let data = 2 + ENTRY * frames;
-    let mut text = String::new();
-    flate2::read::DeflateDecoder::new(EPSG.get(data + start..data + end(frame)?)?).read_to_string(&mut text).ok()?;
+    let frame = (0..frames()).take_while(|&f| first(f).is_some_and(|c| c <= usize::from(code))).last()?;
+    let text = lines_of(frame)?;
     let line = text.lines().find_map(|line| line.split_once('\t').filter(|(c, _)| c.parse() == Ok(code)))?;
     Some(line.1.to_string())
 }
 
-/// Whether a text tells more than the unit, as [`local`] does.
+/// A number of the table.
+fn number(at: usize, bytes: usize) -> Option<usize> {
+    Some(EPSG.get(at..at + bytes)?.iter().rev().fold(0, |sum, &byte| sum << 8 | usize::from(byte)))
+}
+
+/// Number of frames of the table.
+fn frames() -> usize {
+    number(0, 2).unwrap_or(0)
+}
+
+/// The systems in a frame of the table, one a line.
+fn lines_of(frame: usize) -> Option<String> {
+    let end = |frame: usize| number(4 + ENTRY * frame, 4);
+    let start = if frame == 0 { 0 } else { end(frame - 1)? };
+    let data = 2 + ENTRY * frames();
+    let mut text = String::new();
+    flate2::read::DeflateDecoder::new(EPSG.get(data + start..data + end(frame)?)?).read_to_string(&mut text).ok()?;
+    Some(text)
+}
+
+/// The WKT of a vertical system; the table has those that are a part of its compound systems.
+fn vertical_wkt(code: u16) -> Option<&'static str> {
+    static KNOWN: OnceLock<BTreeMap<u16, String>> = OnceLock::new();
+    KNOWN.get_or_init(vertical_parts).get(&code).map(String::as_str)
+}
+
+/// The vertical parts of the table's compound systems, by code.
+fn vertical_parts() -> BTreeMap<u16, String> {
+    let mut found = BTreeMap::new();
+    for text in (0..frames()).filter_map(lines_of) {
+        for part in
+            text.lines().filter(|line| line.contains("\tCOMPD_CS[")).filter_map(|line| part_of(line, "VERT_CS["))
+        {
+            if let Some(code) = Node::parse(part).and_then(|node| node.code()) {
+                found.entry(code).or_insert_with(|| part.to_string());
+            }
+        }
+    }
+    found
+}
+
+/// The first part of a WKT text that begins so, as in `PROJCS[`, up to its closing bracket.
+pub(crate) fn part_of<'a>(wkt: &'a str, opening: &str) -> Option<&'a str> {
+    let text = wkt.get(wkt.find(opening)?..)?;
+    let (mut open, mut quoted) = (0usize, false);
+    let end = text.char_indices().find(|&(_, c)| {
+        match c {
+            '"' => quoted = !quoted,
+            '[' if !quoted => open += 1,
+            ']' if !quoted => open = open.saturating_sub(1),
+            _ => return false,
+        }
+        c == ']' && open == 0
+    })?;
+    text.get(..=end.0)
+}
+
+/// Whether a text tells more than units, as [`local`] does.
 pub fn is_place(crs: &str) -> bool {
-    !crs.starts_with("LOCAL_CS[\"unknown\"")
+    !crs.contains("LOCAL_CS[\"unknown\"")
 }
 
 /// A local system in WKT 1 that tells only the metres per unit of x and y.
@@ -338,6 +470,55 @@ mod tests {
         assert_eq!((codes("somewhere"), codes("")), (Codes::default(), Codes::default()));
         let two = r#"COMPD_CS["c",PROJCS["y",GEOGCS["z",AUTHORITY["EPSG","4269"]],AUTHORITY["EPSG","26910"]],VERT_CS["v",AUTHORITY["EPSG","5703"]],AUTHORITY["EPSG","1"]]"#;
         assert_eq!(codes(two), of(Some(26910), Some(5703)));
+    }
+
+    #[test]
+    fn heights_have_a_system_and_a_unit_of_their_own() {
+        let foot = 1200.0 / 3937.0;
+        // NAVD88 in metres, in US survey feet and in feet; NGVD29 in US survey feet.
+        for (code, metres) in [(5703, 1.0), (6360, foot), (8228, 0.3048), (5702, foot)] {
+            let crs = format!("EPSG:26910+{code}");
+            let Vertical { code: found, metres_per_unit } = vertical_of(&crs).unwrap();
+            assert_eq!(found, Some(code));
+            assert!((metres_per_unit.unwrap() - metres).abs() < 1e-12, "{code}");
+            assert_eq!((unit_of(&crs), unknown_vertical(&crs)), (Some(Unit::Length(1.0)), None));
+            let text = wkt(&crs).unwrap();
+            assert_eq!((codes_of(&text), vertical_of(&text)), (codes_of(&crs), vertical_of(&crs)));
+        }
+        let unknown = "EPSG:26910+5103";
+        assert_eq!(vertical_of(unknown), Some(Vertical { code: Some(5103), metres_per_unit: None }));
+        assert!(unknown_vertical(unknown).unwrap().contains("5103"));
+        assert_eq!(wkt(unknown), wkt_of(26910));
+        assert_eq!(vertical_of("EPSG:26910"), None);
+    }
+
+    #[test]
+    fn a_unit_of_heights_that_no_code_tells_is_written_as_wkt() {
+        let plane = || Some("EPSG:26910".to_string());
+        let with =
+            |code, metres_per_unit| with_heights(plane(), Some(1.0), Vertical { code, metres_per_unit }).unwrap();
+        assert_eq!((with(None, None), with(None, Some(1.0))), (plane().unwrap(), plane().unwrap()));
+        assert_eq!((with(Some(6360), None), with(Some(6360), Some(1200.0 / 3937.0))), {
+            let both = "EPSG:26910+6360".to_string();
+            (both.clone(), both)
+        });
+        assert_eq!(with(Some(5103), Some(1.0)), "EPSG:26910+5103");
+        for (code, metres) in [(None, 0.3048), (Some(5703), 0.3048), (Some(5103), 0.3048)] {
+            let found = with(code, Some(metres));
+            assert_eq!(vertical_of(&found), Some(Vertical { code, metres_per_unit: Some(metres) }));
+            assert_eq!((unit_of(&found), codes_of(&found).horizontal), (Some(Unit::Length(1.0)), Some(26910)));
+        }
+        let feet = Vertical { code: None, metres_per_unit: Some(0.3048) };
+        let local = with_heights(None, Some(1.0), feet).unwrap();
+        assert!(!is_place(&local) && unit_of(&local) == Some(Unit::Length(1.0)) && vertical_of(&local) == Some(feet));
+        assert_eq!(with_heights(None, None, feet), None);
+    }
+
+    #[test]
+    fn systems_that_differ_in_heights_are_others() {
+        assert!(same("EPSG:26910", "EPSG:26910+5703") && same("EPSG:26910+5103", "EPSG:26910+5103"));
+        assert!(!same("EPSG:26910+5703", "EPSG:26910+6360") && !same("EPSG:26910", "EPSG:26911+5703"));
+        assert!(same("EPSG:7415", "EPSG:28992+5709"));
     }
 
     #[test]

@@ -40,6 +40,8 @@ const PIECE: usize = 65_536;
 pub mod names {
     /// Class code, u8.
     pub const CLASSIFICATION: &str = "Classification";
+    /// Whether the point is not to be used (LAS), 0 or 1.
+    pub const WITHHELD: &str = "Withheld";
     /// Intensity of the return, u16 in LAS.
     pub const INTENSITY: &str = "Intensity";
     /// Number of this return in its pulse, from 1.
@@ -86,7 +88,7 @@ pub struct Cloud {
     columns: Vec<Column>,
     /// Position of the column of each name.
     places: HashMap<String, usize>,
-    /// Coordinate reference system as the file states it (WKT, or `EPSG:n`).
+    /// Coordinate reference system as the file states it: WKT, `EPSG:n`, or `EPSG:n+m` with a vertical system m.
     pub crs: Option<String>,
     /// Metres per unit of the coordinates, if the file states it (0.3048 for feet).
     pub metres_per_unit: Option<f64>,
@@ -252,7 +254,7 @@ impl Cloud {
     /// that tells only the unit. `None` if there is neither, or if an EPSG code is not in the table.
     pub fn wkt(&self) -> Option<String> {
         match self.crs.as_deref() {
-            Some(text) => crs::epsg_code(text).map_or_else(|| Some(text.to_string()), crs::wkt_of),
+            Some(text) => crs::wkt(text),
             None => self.metres_per_unit.filter(|&metres| !crs::same_length(metres, 1.0)).map(crs::local),
         }
     }

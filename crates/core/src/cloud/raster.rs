@@ -96,7 +96,7 @@ impl Raster {
     }
 
     /// The same raster in another unit: origin, cell and heights divided by `metres`, the metres per unit. The cell is
-    /// rounded to 12 digits, so that 0.9144 m are 3 ft and not 3.0000000000000004.
+    /// rounded to 12 digits, so that 0.9144 m are 3 international ft and not 3.0000000000000004.
     ///
     /// # Errors
     /// If a result is not finite.

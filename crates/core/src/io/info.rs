@@ -1,7 +1,7 @@
 //! What is known of a file: information from its header, its reference system, the losses of a damaged one.
 
 use super::options::Bounds;
-use crate::cloud::crs::same;
+use crate::cloud::crs::{Vertical, same};
 use crate::error::{Error, Result};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -25,10 +25,13 @@ pub struct FileInfo {
     pub scale: Option<[f64; 3]>,
     /// Offset of the stored integers.
     pub offset: Option<[f64; 3]>,
-    /// Coordinate reference system: WKT or `EPSG:n`.
+    /// Coordinate reference system: WKT, `EPSG:n`, or `EPSG:n+m` with a vertical system m.
     pub crs: Option<String>,
     /// Metres per unit of the coordinates, if the file states it.
     pub metres_per_unit: Option<f64>,
+    /// Vertical system and unit of heights, if the reference system tells one of them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vertical: Option<Vertical>,
     /// Names of the columns besides the coordinates.
     pub dimensions: Vec<String>,
     /// User and number of the variable length records.
@@ -68,6 +71,7 @@ impl FileInfo {
             offset: None,
             crs: None,
             metres_per_unit: None,
+            vertical: None,
             dimensions: Vec::new(),
             vlrs: Vec::new(),
             provenance: None,

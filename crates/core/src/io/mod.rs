@@ -43,7 +43,7 @@ pub use operations::select::{rewrite, select};
 pub use operations::{salvage, statistics};
 pub use table::known::name as column_name;
 
-use crate::cloud::crs::{Unit, unit_of};
+use crate::cloud::crs::{Unit, unit_of, unknown_vertical, vertical_of};
 use crate::cloud::{Cloud, Column};
 use crate::error::{Error, Result};
 use format::{Format, check_target, extension, format_of, is_label_name, is_las_name};
@@ -231,5 +231,7 @@ pub fn inspect_with(path: &Path, text_columns: &[String]) -> Result<FileInfo> {
     if let (None, Some(Unit::Length(metres))) = (info.metres_per_unit, info.crs.as_deref().and_then(unit_of)) {
         info.metres_per_unit = Some(metres);
     }
+    info.vertical = info.crs.as_deref().and_then(vertical_of);
+    info.warnings.extend(info.crs.as_deref().and_then(unknown_vertical));
     Ok(info)
 }

@@ -29,11 +29,11 @@ class Raster:
     cell : float
         Edge of a cell, in the unit of the cloud.
     crs : str, optional
-        Coordinate reference system (WKT, or ``EPSG:n``).
+        Coordinate reference system: WKT, ``EPSG:n``, or ``EPSG:n+m`` with a vertical system m.
     metres_per_unit : float, optional
-        Metres per unit of coordinates and heights.
+        Metres per unit of x and y, and of heights unless `crs` tells another unit for them.
     ground : str
-        How many ground points there are, and how they were found; empty if they were not needed.
+        How many ground points there are and how they were found, if they were needed, and how many points are withheld.
     """
 
     values: NDArray[np.float64]
@@ -263,7 +263,7 @@ def write_raster(path: str | os.PathLike[str], raster: Raster) -> None:
     path : path
         ``.tif`` or ``.tiff`` (32-bit floats with reference system and unit) or ``.asc``. NaN becomes -9999, the nodata value.
     raster : Raster
-        What to write.
+        What to write. Heights of -9999, and those that are infinite as 32-bit floats, are refused.
 
     Examples
     --------

@@ -52,6 +52,7 @@ pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
         offset: Some(header.offset),
         crs,
         metres_per_unit,
+        vertical: None,
         dimensions: fields.chain(extras.into_iter().map(|e| e.name)).collect(),
         vlrs: records
             .vlrs

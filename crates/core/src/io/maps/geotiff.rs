@@ -2,7 +2,7 @@
 
 use super::{Georeference, NODATA, row_from_north};
 use crate::cloud::Raster;
-use crate::cloud::crs::{Codes, LinearUnit, codes_of, vertical_unit_of};
+use crate::cloud::crs::{Codes, LinearUnit, Unit, codes_of, part_of, unit_of, vertical_unit_of, wkt};
 use crate::error::{Error, Result};
 use crate::io::atomic::AtomicFile;
 use crate::memory;
@@ -23,10 +23,13 @@ const GDAL_METADATA: Tag = Tag::Unknown(42112);
 /// Code of what has none.
 const OWN: u16 = 32767;
 
+/// Code of the degree.
+const DEGREE: u16 = 9102;
+
 /// Longest text of a system that GDAL reads.
 const LONGEST: usize = 2300;
 
-/// Writes the raster; its coordinates and heights are in the unit of the reference system.
+/// Writes the raster; its coordinates and heights are in the units of the reference system.
 pub(super) fn write(path: &Path, raster: &Raster, place: &Georeference, monitor: &Monitor) -> Result<()> {
     let mut file = AtomicFile::create(path)?;
     encode(file.writer()?, raster, place, monitor).map_err(|problem| match problem {
@@ -79,74 +82,129 @@ fn tags<W: Write + Seek, K: TiffKind>(
     let tags = image.encoder();
     tags.write_tag(Tag::ModelPixelScaleTag, &[cell, cell, 0.0][..])?;
     tags.write_tag(Tag::ModelTiepointTag, &[0.0, 0.0, 0.0, west, north, 0.0][..])?;
-    let (keys, texts) = keys(place);
-    if !keys.is_empty() {
-        tags.write_tag(Tag::GeoKeyDirectoryTag, &keys[..])?;
+    let Keys { directory, texts, doubles } = keys(place);
+    if !directory.is_empty() {
+        tags.write_tag(Tag::GeoKeyDirectoryTag, &directory[..])?;
+    }
+    if !doubles.is_empty() {
+        tags.write_tag(Tag::GeoDoubleParamsTag, &doubles[..])?;
     }
     if !texts.is_empty() {
         tags.write_tag(Tag::GeoAsciiParamsTag, &texts[..])?;
     }
-    if let Some(LinearUnit { name, .. }) = place.metres_per_unit.and_then(LinearUnit::of) {
+    if let Some(LinearUnit { name, .. }) = place.metres_per_height().and_then(LinearUnit::of) {
         let unit = format!("<Item name=\"UNITTYPE\" sample=\"0\" role=\"unittype\">{name}</Item>");
         tags.write_tag(GDAL_METADATA, &format!("<GDALMetadata>{unit}</GDALMetadata>")[..])?;
     }
     tags.write_tag(Tag::GdalNodata, &format!("{NODATA}")[..])
 }
 
-/// The key directory, and the texts that it refers to; nothing if the system is not known.
-fn keys(place: &Georeference) -> (Vec<u16>, String) {
+/// GeoTIFF keys (OGC 19-008), and the texts and numbers that they refer to.
+#[derive(Debug, Default, PartialEq)]
+struct Keys {
+    directory: Vec<u16>,
+    texts: String,
+    doubles: Vec<f64>,
+}
+
+/// What the horizontal part of a system is: the value of the key of the model type.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Model {
+    Projected = 1,
+    Geographic = 2,
+    Geocentric = 3,
+}
+
+impl Model {
+    /// Codes that are not in our table are taken for projected systems.
+    fn of(crs: &str) -> Self {
+        let wkt = wkt(crs).unwrap_or_default();
+        match unit_of(crs) {
+            Some(Unit::Degrees) => Self::Geographic,
+            _ if wkt.starts_with("GEOCCS[") => Self::Geocentric,
+            _ => Self::Projected,
+        }
+    }
+}
+
+/// The keys of a place; none if neither the system nor the unit is known.
+fn keys(place: &Georeference) -> Keys {
     let crs = place.crs.as_deref().unwrap_or_default();
     let Codes { horizontal, vertical } = codes_of(crs);
-    let linear = place.metres_per_unit.and_then(LinearUnit::of).map(|unit| unit.code);
-    let heights = vertical_unit_of(crs).and_then(LinearUnit::of).map(|unit| unit.code);
-    let text = citation(crs).filter(|_| horizontal.is_none()).unwrap_or_default();
-    let own = (!text.is_empty()).then_some(OWN);
-    let short = |key: u16, value: Option<u16>| value.map(|value| [key, 0, 1, value]);
+    let model = Model::of(crs);
+    let text = citation(crs).filter(|_| horizontal.is_none());
+    if horizontal.is_none() && text.is_none() {
+        return unit_alone(place);
+    }
+    let (own, projected) = (text.is_some().then_some(OWN), model == Model::Projected);
+    let text = text.unwrap_or_default();
+    let metres = place.metres_per_unit.filter(|_| projected);
+    let linear = metres.map(|metres| LinearUnit::of(metres).map_or(OWN, |unit| unit.code));
+    // An own unit of heights has no place in the keys.
+    let heights = vertical_unit_of(crs).and(place.metres_per_height()).and_then(LinearUnit::of).map(|unit| unit.code);
     let entries = [
-        short(1024, own.or(horizontal.map(|_| 1))),
+        short(1024, own.or(Some(model as u16))),
         short(1025, Some(1)),
-        short(3072, own.or(horizontal)),
+        short(2048, horizontal.filter(|_| !projected)),
+        short(2054, Some(DEGREE).filter(|_| model == Model::Geographic)),
+        short(3072, own.or(horizontal).filter(|_| projected)),
         own.map(|_| [3073, 34737, text.len() as u16, 0]),
         short(3076, linear),
+        own_unit(linear),
         short(4096, vertical),
         short(4099, heights),
     ];
-    if own.or(horizontal).is_none() {
-        return (Vec::new(), String::new());
-    }
-    let entries: Vec<[u16; 4]> = entries.into_iter().flatten().collect();
-    let mut directory = vec![1, 1, 1, entries.len() as u16];
-    directory.extend(entries.iter().flatten());
-    (directory, text)
+    Keys { directory: directory(&entries), texts: text, doubles: own_size(metres) }
+}
+
+/// The keys of a plane of which only the unit is known.
+fn unit_alone(place: &Georeference) -> Keys {
+    let Some(metres) = place.metres_per_unit else { return Keys::default() };
+    let linear = Some(LinearUnit::of(metres).map_or(OWN, |unit| unit.code));
+    let texts = "unknown|".to_string();
+    let entries = [
+        short(1024, Some(OWN)),
+        short(1025, Some(1)),
+        Some([1026, 34737, texts.len() as u16, 0]),
+        short(3076, linear),
+        own_unit(linear),
+    ];
+    Keys { directory: directory(&entries), texts, doubles: own_size(Some(metres)) }
+}
+
+/// A key with a number.
+fn short(key: u16, value: Option<u16>) -> Option<[u16; 4]> {
+    value.map(|value| [key, 0, 1, value])
+}
+
+/// The key that refers to the size of a unit that has no code.
+fn own_unit(linear: Option<u16>) -> Option<[u16; 4]> {
+    linear.filter(|&code| code == OWN).map(|_| [3077, 34736, 1, 0])
+}
+
+/// The size of a unit that has no code.
+fn own_size(metres: Option<f64>) -> Vec<f64> {
+    metres.filter(|&metres| LinearUnit::of(metres).is_none()).into_iter().collect()
+}
+
+/// The entries, headed by the version of the format and their number.
+fn directory(entries: &[Option<[u16; 4]>]) -> Vec<u16> {
+    let entries: Vec<[u16; 4]> = entries.iter().copied().flatten().collect();
+    let head = [1, 1, 1, entries.len() as u16];
+    head.into_iter().chain(entries.concat()).collect()
 }
 
 /// Whether the file would tell nothing of the system.
 pub(super) fn loses(place: &Georeference) -> bool {
-    place.crs.is_some() && keys(place).0.is_empty()
+    place.crs.as_deref().is_some_and(|crs| codes_of(crs).horizontal.is_none() && citation(crs).is_none())
 }
 
 /// A system without a code is user-defined; GDAL reads its text (WKT 1) from the citation. Of a compound system it is that
 /// of the horizontal part.
 fn citation(crs: &str) -> Option<String> {
-    let plane = if crs.starts_with("COMPD_CS[") { projected(crs)? } else { crs };
+    let plane = if crs.starts_with("COMPD_CS[") { part_of(crs, "PROJCS[")? } else { crs };
     let known = plane.is_ascii() && plane.starts_with("PROJCS[") && plane.len() < LONGEST;
     known.then(|| format!("ESRI PE String = {plane}|"))
-}
-
-/// The projected part of a compound system in WKT 1, up to its closing bracket.
-fn projected(crs: &str) -> Option<&str> {
-    let text = crs.get(crs.find("PROJCS[")?..)?;
-    let (mut open, mut quoted) = (0usize, false);
-    let end = text.char_indices().find(|&(_, c)| {
-        match c {
-            '"' => quoted = !quoted,
-            '[' if !quoted => open += 1,
-            ']' if !quoted => open = open.saturating_sub(1),
-            _ => return false,
-        }
-        c == ']' && open == 0
-    })?;
-    text.get(..=end.0)
 }
 
 #[cfg(test)]
@@ -158,23 +216,78 @@ mod tests {
         Georeference { crs: Some(crs.into()), metres_per_unit: Some(metres) }
     }
 
+    fn of(place: &Georeference) -> Vec<[u16; 2]> {
+        let keys = keys(place).directory;
+        keys.get(4..).unwrap_or_default().chunks(4).map(|key| [key[0], key[3]]).collect()
+    }
+
     #[test]
     fn keys_tell_system_and_units() {
-        let of =
-            |crs: &str, metres| keys(&place(crs, metres)).0[4..].chunks(4).map(|k| [k[0], k[3]]).collect::<Vec<_>>();
+        let of = |crs: &str, metres| of(&place(crs, metres));
         assert_eq!(of("EPSG:2154", 1.0), [[1024, 1], [1025, 1], [3072, 2154], [3076, 9001]]);
         let dutch = [[1024, 1], [1025, 1], [3072, 28992], [3076, 9001], [4096, 5709], [4099, 9001]];
         assert_eq!(of("EPSG:7415", 1.0), dutch);
         assert_eq!(of("EPSG:2229", 1200.0 / 3937.0)[3], [3076, 9003]);
-        assert_eq!(keys(&Georeference::default()), (vec![], String::new()));
-        assert!(keys(&place("somewhere", 1.0)).0.is_empty());
-        let (own, text) = keys(&place("PROJCS[\"own\"]", 1.0));
+        assert_eq!(keys(&Georeference::default()), Keys::default());
+        let Keys { directory: own, texts: text, .. } = keys(&place("PROJCS[\"own\"]", 1.0));
         assert_eq!(text, "ESRI PE String = PROJCS[\"own\"]|");
         let compound = r#"COMPD_CS["both",PROJCS["own [1",UNIT["m",1]],VERT_CS["h",UNIT["m",1]]]"#;
-        assert_eq!(keys(&place(compound, 1.0)).1, r#"ESRI PE String = PROJCS["own [1",UNIT["m",1]]|"#);
+        assert_eq!(keys(&place(compound, 1.0)).texts, r#"ESRI PE String = PROJCS["own [1",UNIT["m",1]]|"#);
         assert!(loses(&place("PROJCRS[\"own\"]", 1.0)) && !loses(&place(compound, 1.0)));
-        assert!(!loses(&Georeference::default()));
+        assert!(!loses(&Georeference::default()) && loses(&place("somewhere", 1.0)));
         assert!(own.chunks(4).any(|k| k == [3073, 34737, text.len() as u16, 0]));
+    }
+
+    #[test]
+    fn heights_have_their_own_system_and_unit() {
+        // NAVD88 in US survey feet over metres.
+        let navd = place("EPSG:26910+6360", 1.0);
+        let keys = [[1024, 1], [1025, 1], [3072, 26910], [3076, 9001], [4096, 6360], [4099, 9003]];
+        assert_eq!(of(&navd), keys);
+        assert!((navd.metres_per_height().unwrap() - 1200.0 / 3937.0).abs() < 1e-12);
+        // A code that is not in the table is kept; its unit is not known.
+        let unknown = place("EPSG:26910+5103", 1.0);
+        assert_eq!((of(&unknown)[4..].to_vec(), unknown.metres_per_height()), (vec![[4096, 5103]], Some(1.0)));
+        // A unit given by the user is that of x, y and heights.
+        assert_eq!(place("EPSG:26910+5703", 0.3048).metres_per_height(), Some(0.3048));
+    }
+
+    #[test]
+    fn geographic_and_geocentric_systems_are_no_projected_ones() {
+        let degrees = Georeference { crs: Some("EPSG:4326".into()), metres_per_unit: None };
+        assert_eq!(of(&degrees), [[1024, 2], [1025, 1], [2048, 4326], [2054, 9102]]);
+        assert_eq!(of(&place("EPSG:4978", 1.0)), [[1024, 3], [1025, 1], [2048, 4978]]);
+    }
+
+    #[test]
+    fn a_unit_without_a_system_is_kept() {
+        let unit = |metres| Georeference { crs: None, metres_per_unit: Some(metres) };
+        assert_eq!(of(&unit(0.3048)), [[1024, 32767], [1025, 1], [1026, 0], [3076, 9002]]);
+        let own = keys(&unit(1000.0));
+        assert_eq!(
+            (&own.directory[16..], &own.doubles[..]),
+            (&[3076, 0, 1, 32767, 3077, 34736, 1, 0][..], &[1000.0][..])
+        );
+    }
+
+    #[test]
+    fn heights_that_the_file_cannot_hold_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a.tif", "a.asc"] {
+            let path = folder.path().join(name);
+            for height in [-9999.0, -9999.0001, 1e39, -1e39] {
+                let raster = Raster::new([0.0; 2], 1.0, 2, vec![1.0, f64::NAN, 2.0, height]).unwrap();
+                let written = crate::io::write_raster(&path, &raster, &Georeference::default(), &Monitor::default());
+                let text = written.unwrap_err().to_string();
+                assert!(text.contains("row 0 from the north, column 1") && !path.exists(), "{text}");
+            }
+            let raster = Raster::new([0.0; 2], 1.0, 1, vec![-9998.0, 3e38]).unwrap();
+            crate::io::write_raster(&path, &raster, &Georeference::default(), &Monitor::default()).unwrap();
+            for metres in [0.0, -1.0, f64::NAN] {
+                let place = Georeference { crs: None, metres_per_unit: Some(metres) };
+                assert!(crate::io::write_raster(&path, &raster, &place, &Monitor::default()).is_err());
+            }
+        }
     }
 
     #[test]

@@ -16,7 +16,7 @@ pub use outlines::{check_outline_output, write_outlines};
 
 use super::check_output;
 use super::format::extension;
-use crate::cloud::crs::{Unit, is_place, unit_of};
+use crate::cloud::crs::{Unit, is_place, same_length, unit_of, vertical_unit_of};
 use crate::cloud::{Cloud, Raster};
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
@@ -29,9 +29,9 @@ const NODATA: f32 = -9999.0;
 /// Where coordinates lie on earth, as a cloud's file states it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Georeference {
-    /// Reference system: WKT, or `EPSG:n`.
+    /// Reference system: WKT, `EPSG:n`, or `EPSG:n+m` with a vertical system m.
     pub crs: Option<String>,
-    /// Metres per unit of x, y and heights.
+    /// Metres per unit of x and y, and of heights unless the system tells another unit for them.
     pub metres_per_unit: Option<f64>,
 }
 
@@ -40,6 +40,27 @@ impl Georeference {
     pub fn of(cloud: &Cloud) -> Self {
         let crs = cloud.crs.clone().filter(|crs| unit_of(crs) != Some(Unit::Degrees));
         Self { crs, metres_per_unit: cloud.metres_per_unit }
+    }
+
+    /// Metres per unit of heights: as the vertical part of the system says, unless the unit of x and y is not that of the
+    /// system (`--unit`); then that of x and y.
+    pub fn metres_per_height(&self) -> Option<f64> {
+        let crs = self.crs.as_deref().unwrap_or_default();
+        let overridden = match (unit_of(crs), self.metres_per_unit) {
+            (Some(Unit::Length(own)), Some(given)) => !same_length(own, given),
+            _ => false,
+        };
+        vertical_unit_of(crs).filter(|_| !overridden).or(self.metres_per_unit)
+    }
+
+    /// Fails if the unit is not a length.
+    fn check(&self) -> Result<()> {
+        match self.metres_per_unit {
+            Some(metres) if !(metres.is_finite() && metres > 0.0) => {
+                Err(Error::parameter("metres_per_unit", metres, "a number above 0, finite"))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Whether the system tells more than a unit.
@@ -85,19 +106,39 @@ pub fn check_raster_output(path: &Path) -> Result<()> {
 
 /// Writes a raster whose coordinates and heights are in the unit of the reference system, the northernmost row first.
 ///
-/// `.tif` and `.tiff` are GeoTIFF (32-bit floats, deflate), with the EPSG codes of the system and the unit of the
+/// `.tif` and `.tiff` are GeoTIFF (32-bit floats, deflate), with the EPSG codes of the system and the units of x, y and
 /// heights; `.asc` is an ESRI ASCII grid, which has no place for them. Holes are -9999 in both. Heights are rounded to
 /// `f32`. O(cells).
 ///
 /// # Errors
-/// As [`check_raster_output`], or if the work was cancelled.
+/// As [`check_raster_output`], if a height is -9999 or beyond the range of `f32`, the unit is not above 0, or the work was
+/// cancelled.
 pub fn write_raster(path: &Path, raster: &Raster, place: &Georeference, monitor: &Monitor) -> Result<()> {
+    place.check()?;
+    check_heights(raster, monitor)?;
     place.warn_of_loss(path, monitor);
     match extension(path).as_str() {
         "tif" | "tiff" => geotiff::write(path, raster, place, monitor),
         "asc" => ascii_grid::write(path, raster, monitor),
         _ => check_raster_output(path),
     }
+}
+
+/// Fails if a height would be read as a hole, or as infinite.
+fn check_heights(raster: &Raster, monitor: &Monitor) -> Result<()> {
+    let (values, columns) = (raster.values(), raster.columns());
+    let wrong = |v: f64| !v.is_nan() && ((v as f32).is_infinite() || (v as f32).to_bits() == NODATA.to_bits());
+    for (row, heights) in values.chunks(columns).enumerate() {
+        monitor.check()?;
+        if let Some(column) = heights.iter().position(|&v| wrong(v)) {
+            let (height, north) = (heights[column], raster.rows() - 1 - row);
+            return Err(Error::input(format!(
+                "height {height} in row {north} from the north, column {column}: the file's 32-bit numbers cannot hold it, \
+                 or it stands for a hole there (allowed: up to 3.4e38, not {NODATA}; NaN for a hole)"
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// The heights of one row; the first row is the northernmost.

@@ -2,9 +2,9 @@
 
 use super::vlr::Vlr;
 use super::{Header, array, u16_at};
-use crate::cloud::crs::{Unit, unit_of, vertical_unit_of};
+use crate::cloud::crs::{Unit, Vertical, unit_of, vertical_unit_of, with_heights};
 
-/// The CRS as WKT or `EPSG:n`, and metres per unit, from WKT or GeoTIFF keys.
+/// The CRS as WKT, `EPSG:n` or `EPSG:n+m` (m: of heights), and metres per unit, from WKT or GeoTIFF keys.
 pub(in crate::io) fn crs<'a>(
     header: &Header,
     vlrs: impl Iterator<Item = &'a Vlr> + Clone,
@@ -19,9 +19,9 @@ pub(in crate::io) fn crs<'a>(
             (Some(wkt), metres)
         }
         (_, Some(keys)) => {
-            let crs = keys.system();
-            let metres = keys.unit(3076, 3077).or_else(|| crs.as_deref().and_then(length));
-            (crs, metres)
+            let plane = keys.system();
+            let metres = keys.unit(3076, 3077).or_else(|| plane.as_deref().and_then(length));
+            (with_heights(plane, metres, keys.heights()), metres)
         }
         _ => (None, None),
     }
@@ -68,11 +68,20 @@ impl Keys<'_> {
         self.doubles.chunks_exact(8).nth(usize::from(u16_at(entry, 6))).map(|d| f64::from_le_bytes(array(d, 0)))
     }
 
+    /// The code of a key; 32767 stands for a system without one.
+    fn code(&self, key: u16) -> Option<u16> {
+        self.short(key).filter(|&code| code > 0 && code != 32767)
+    }
+
     /// The projected system, or the geographic one of a file without projection.
     fn system(&self) -> Option<String> {
-        let code = |key| self.short(key).filter(|&code| code > 0 && code != 32767);
-        let geographic = || code(2048).filter(|_| self.short(1024) == Some(2) && self.short(3072).is_none());
-        code(3072).or_else(geographic).map(|code| format!("EPSG:{code}"))
+        let geographic = || self.code(2048).filter(|_| self.short(1024) == Some(2) && self.short(3072).is_none());
+        self.code(3072).or_else(geographic).map(|code| format!("EPSG:{code}"))
+    }
+
+    /// The system and the unit of heights.
+    fn heights(&self) -> Vertical {
+        Vertical { code: self.code(4096), metres_per_unit: self.unit(4099, 0) }
     }
 
     /// Metres in the linear unit of key `code`, or, if that is user-defined, in the number of key `size`.
@@ -101,6 +110,7 @@ impl Keys<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cloud::crs::codes_of;
 
     /// The keys as bytes, headed.
     fn keys(entries: &[[u16; 4]]) -> Vec<u8> {
@@ -133,7 +143,9 @@ mod tests {
         let record = |entries: &[[u16; 4]]| [Vlr::new("LASF_Projection", 34735, "", keys(entries))];
         let feet = record(&[[1024, 0, 1, 1], [3072, 0, 1, 2229], [4099, 0, 1, 9001]]);
         let found = crs(&header, feet.iter());
-        assert_eq!(found.0.as_deref(), Some("EPSG:2229"));
+        // Heights in metres over feet.
+        let system = found.0.unwrap();
+        assert_eq!((codes_of(&system).horizontal, vertical_unit_of(&system)), (Some(2229), Some(1.0)));
         assert!((found.1.unwrap() - 0.304_800_609_6).abs() < 1e-10);
         assert_eq!(other_vertical_unit(&header, feet.iter()), Some(1.0));
         let utm = record(&[[1024, 0, 1, 1], [3072, 0, 1, 32632], [4099, 0, 1, 9001]]);
@@ -141,5 +153,12 @@ mod tests {
         assert_eq!(other_vertical_unit(&header, utm.iter()), None);
         let degrees = record(&[[1024, 0, 1, 2], [2048, 0, 1, 4326]]);
         assert_eq!(crs(&header, degrees.iter()), (Some("EPSG:4326".into()), None));
+        // NAVD88 in US survey feet, over metres; then only the unit of heights.
+        let navd = record(&[[1024, 0, 1, 1], [3072, 0, 1, 26910], [4096, 0, 1, 6360], [4099, 0, 1, 9003]]);
+        assert_eq!(crs(&header, navd.iter()), (Some("EPSG:26910+6360".into()), Some(1.0)));
+        assert!((other_vertical_unit(&header, navd.iter()).unwrap() - 1200.0 / 3937.0).abs() < 1e-12);
+        let unit = record(&[[1024, 0, 1, 1], [3072, 0, 1, 26910], [4099, 0, 1, 9002]]);
+        let (text, metres) = crs(&header, unit.iter());
+        assert_eq!((metres, vertical_unit_of(&text.unwrap())), (Some(1.0), Some(0.3048)));
     }
 }

@@ -7,6 +7,7 @@ use super::fields::extra;
 use super::fields::fit::Fit;
 use super::header::vlr::Vlr;
 use super::header::{RECORD_SIZES, lookup, put};
+use crate::cloud::crs::codes_of;
 use crate::cloud::{Cloud, Column, Coordinates, names};
 use crate::error::{Error, Result};
 use crate::io::WriteOptions;
@@ -87,6 +88,10 @@ fn wkt(cloud: &Cloud, options: &WriteOptions) -> Option<String> {
     if let (None, Some(text)) = (&kept, &cloud.crs) {
         let short: String = text.chars().take(60).collect();
         options.monitor.warn(format!("the reference system {short} is not kept: no WKT of it is known that fits LAS"));
+    }
+    let heights = |crs: &Option<String>| crs.as_deref().and_then(|crs| codes_of(crs).vertical);
+    if let (Some(_), Some(code), None) = (&kept, heights(&cloud.crs), heights(&kept)) {
+        options.monitor.warn(format!("the vertical system EPSG:{code} is not kept: it is not in our table"));
     }
     kept
 }
