@@ -113,6 +113,52 @@ def test_a_system_with_heights_and_one_without_a_code_reach_gdal(tmp_path):
         assert read.transform[:6] == (1.0, 0.0, 0.0, 0.0, -1.0, 2.0)
 
 
+def test_geotiff_tells_the_system_of_heights_degrees_and_a_unit_alone(tmp_path):
+    rasterio = pytest.importorskip("rasterio")
+    tifffile = pytest.importorskip("tifffile")
+
+    def keys(*place):
+        path = tmp_path / "a.tif"
+        path.unlink(missing_ok=True)
+        terrain.write_raster(path, terrain.Raster(np.ones((2, 2)), (7.0, 48.0), 0.5, *place))
+        with tifffile.TiffFile(path) as read:
+            found = read.pages[0].geotiff_tags
+        with rasterio.open(path) as read:
+            return found, read.crs, read.units
+
+    found, system, units = keys("EPSG:26910+6360", 1.0)
+    assert (found["ProjectedCSTypeGeoKey"], found["VerticalCSTypeGeoKey"]) == (26910, 6360)
+    assert (found["ProjLinearUnitsGeoKey"], found["VerticalUnitsGeoKey"]) == (9001, 9003)
+    assert units == ("US survey foot",) and "26910" in system.to_wkt()
+    found, system, _ = keys("EPSG:4326")
+    assert (found["GTModelTypeGeoKey"], found["GeographicTypeGeoKey"]) == (2, 4326)
+    assert system.is_geographic and system.to_epsg() == 4326
+    found, _, units = keys(None, 0.3048)
+    assert found["ProjLinearUnitsGeoKey"] == 9002 and units == ("foot",)
+
+
+@pytest.mark.parametrize("height", [-9999.0, 1e39])
+def test_heights_that_a_raster_file_cannot_hold_are_refused(tmp_path, height):
+    for name in ("a.tif", "a.asc"):
+        with pytest.raises(ValueError, match="row 1 from the north, column 0"):
+            terrain.write_raster(tmp_path / name, terrain.Raster(np.array([[1.0], [height]]), (0.0, 2.0), 1.0))
+        assert not (tmp_path / name).exists()
+
+
+def test_withheld_points_are_left_out():
+    cloud = village()
+    marks = np.zeros(len(cloud), "u1")
+    marks[cloud["Classification"] == 6] = 1
+    cloud["Withheld"] = marks
+    count = int(marks.sum())
+    dtm, dsm = terrain.dtm(cloud), terrain.dsm(cloud)
+    assert dtm.ground.endswith(f"; {count} withheld points are left out")
+    assert dsm.ground == f"{count} withheld points are left out"
+    # The house is withheld: nothing stands above the ground.
+    assert np.nanmax(terrain.chm(cloud).values) < 1
+    assert terrain.footprints(cloud)["features"] == []
+
+
 def test_a_house_has_its_outline(tmp_path):
     found = terrain.footprints(village("EPSG:25832"))
     json.dumps(found)

@@ -75,7 +75,8 @@ pub(super) const TERRAIN: &str = "Examples:
   scansion terrain tiles/*.laz -o dtm.tif                    one model of all tiles, without seams
 
 Rasters and outlines have the coordinates, the unit and the reference system of the cloud: in a cloud in feet, heights
-are feet. --cell and the other lengths are metres; cells of 3 ft are --cell 0.9144.";
+are feet. --cell and the other lengths are metres; cells of 3 ft are --cell 0.9144, those of
+3 US survey feet --cell 0.9144018288036576.";
 
 pub(super) const CONTOURS: &str = "Examples:
   scansion contours my.laz -o edges.dxf                      for drawing programs

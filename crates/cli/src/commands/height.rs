@@ -15,7 +15,7 @@ pub(crate) fn run(args: &Height, context: &Context<'_>) -> Result<(), Failure> {
     let params = product_params(&args.ground)?;
     params.validate()?;
     let mut options = context.read_options();
-    options.columns = Columns::Only(vec![names::CLASSIFICATION.into()]);
+    options.columns = Columns::Only(vec![names::CLASSIFICATION.into(), names::WITHHELD.into()]);
     let cloud = io::read_with(&args.input, &options)?;
     io::check_coordinates(&args.input, &args.output, &cloud, &context.write_options())?;
     let scene = MetricCloud::new(&cloud, None, &context.monitor)?;

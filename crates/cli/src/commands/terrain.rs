@@ -3,6 +3,7 @@
 use super::{Context, sources};
 use crate::args::{Format, GroundArgs, Terrain};
 use crate::exit_code::Failure;
+use scansion_core::cloud::crs::unknown_vertical;
 use scansion_core::cloud::{MetricCloud, Raster, names};
 use scansion_core::io::{self, Columns, Drawing, Georeference};
 use scansion_core::terrain::{
@@ -23,16 +24,21 @@ pub(crate) fn run(args: &Terrain, context: &Context<'_>) -> std::result::Result<
     params.validate()?;
     footprint_params(args).validate()?;
     let mut options = context.read_options();
-    options.columns = Columns::Only(vec![names::CLASSIFICATION.into()]);
+    options.columns = Columns::Only(vec![names::CLASSIFICATION.into(), names::WITHHELD.into()]);
     let inputs = sources::expanded(&args.inputs)?;
     let (cloud, notes) = io::read_together(&inputs, &options)?;
     notes.iter().for_each(|note| context.printer.note(note));
     args.footprints.iter().try_for_each(|_| footprint_params(args).check(&cloud))?;
     inputs.iter().take(1).for_each(|input| context.tell_unit(input, &cloud));
+    cloud.crs.as_deref().and_then(unknown_vertical).iter().for_each(|text| context.printer.note(text));
     let scene = MetricCloud::new(&cloud, None, &context.monitor)?;
     let survey = match [&args.output, &args.chm, &args.contours, &args.footprints].iter().any(|path| path.is_some()) {
         true => survey(&scene, &params, context)?,
-        false => Survey::of_points(&scene, &params, &context.monitor)?,
+        false => {
+            let survey = Survey::of_points(&scene, &params, &context.monitor)?;
+            Some(&survey.note).filter(|note| !note.is_empty()).iter().for_each(|note| context.printer.note(note));
+            survey
+        }
     };
     let surveyed = Surveyed { survey: &survey, params: &params, metres: scene.metres };
     let mut made = rasters_of(&surveyed, args, context)?;

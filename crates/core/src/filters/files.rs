@@ -36,7 +36,7 @@ pub fn filter_file(input: &Path, output: &Path, params: &FilterParams, options: 
     io::check_cloud_output(output)?;
     params.validate()?;
     let monitor = &options.monitor;
-    let wanted = [names::CLASSIFICATION, names::HEIGHT_ABOVE_GROUND].map(String::from).to_vec();
+    let wanted = [names::CLASSIFICATION, names::WITHHELD, names::HEIGHT_ABOVE_GROUND].map(String::from).to_vec();
     let metres_per_unit = params.metres_per_unit;
     let read = ReadOptions { columns: Columns::Only(wanted), metres_per_unit, ..options.reading() };
     let cloud = io::read_with(input, &read)?;

@@ -82,7 +82,7 @@ def footprints(
         raise ValueError(
             "ground: expected classes, 'filter' or None: marks would replace the classes of the buildings"
         )
-    cloud = as_cloud(xyz, columns=["Classification"])
+    cloud = as_cloud(xyz, columns=["Classification", "Withheld"])
     shape = {
         "classes": code_list(classes, "classes"),
         "alpha": alpha,

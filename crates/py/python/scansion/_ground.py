@@ -66,7 +66,7 @@ def is_marks(ground: Any) -> bool:
 
 def marked(xyz: Any, ground: Any) -> tuple[PointCloud, Any]:
     """The cloud and how its ground is found; marks become a class."""
-    cloud = as_cloud(xyz, columns=["Classification"])
+    cloud = as_cloud(xyz, columns=["Classification", "Withheld"])
     if not is_marks(ground):
         return cloud, ground
     mask = unmasked(ground, "ground")

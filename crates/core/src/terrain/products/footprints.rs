@@ -2,7 +2,7 @@
 
 use super::polygons::{Polygon, key, polygons};
 use super::simplify::simplified;
-use super::survey::{Codes, listed};
+use super::survey::{Codes, Withheld, listed};
 use crate::cloud::{Cloud, MetricCloud, Points};
 use crate::error::{Error, Result};
 use crate::io::Outline;
@@ -34,7 +34,7 @@ pub struct FootprintParams {
     /// Radius α of the α-shape, metres, above 0: gaps wider than 2α separate buildings. It must exceed the point spacing.
     /// `None`: twice the spacing of the buildings' points, at least 1 m.
     pub alpha: Option<f64>,
-    /// Outlines of a smaller area are left out and smaller holes are closed, m²; 0 or more.
+    /// Simplified outlines of a smaller area, without their holes, are left out and smaller holes are closed, m²; 0 or more.
     pub min_area: f64,
     /// Tolerance of the simplification, metres; 0 or more. 0 keeps all corners.
     pub tolerance: f64,
@@ -127,8 +127,8 @@ pub fn outlines(footprints: &[Footprint], metres: f64) -> Vec<Outline> {
     footprints.iter().zip(1..).map(outline).collect()
 }
 
-/// Outlines of the buildings, largest first, from the points of their classes and the heights of all points of the cloud
-/// above ground ([`heights_above_ground`](super::heights_above_ground)).
+/// Outlines of the buildings, largest first, from the points of their classes, unless they are withheld, and the heights
+/// of all points of the cloud above ground ([`heights_above_ground`](super::heights_above_ground)).
 ///
 /// The connected parts of the points' α-shape are simplified (Douglas and Peucker 1973). O(n log n).
 ///
@@ -146,10 +146,12 @@ pub fn footprints(
     }
     let all = scene.points(monitor)?;
     let codes = Codes::of(scene.cloud);
-    let building = |&row: &u32| codes.among(all.frame.index[row as usize], &params.classes);
+    let withheld = Withheld::of(scene.cloud);
+    let of_building = |point: u32| codes.among(point, &params.classes) && !withheld.has(point);
+    let building = |&row: &u32| of_building(all.frame.index[row as usize]);
     let points = all.select(&(0..all.len() as u32).filter(building).collect::<Vec<u32>>(), monitor)?;
     if points.is_empty() {
-        // Of the classes perhaps, but without finite coordinates.
+        // Of the classes perhaps, but withheld or without finite coordinates.
         return params.check(scene.cloud).map(|()| Vec::new());
     }
     monitor.stage("buildings", points.len() as u64);
@@ -157,11 +159,21 @@ pub fn footprints(
     let shape = AlphaShape::fit(&points, &vec![true; points.len()], &shape(alpha), monitor)?;
     let found = polygons(&shape.border, params.min_area);
     let members = members(&points, &found, heights, monitor)?;
-    map_ordered(found.len(), monitor, |i| Ok(footprint(&found[i], &members[i], &points, params.tolerance)))
+    let shown = |i: usize| Ok(footprint(&simplest(&found[i], params), &members[i], &points));
+    let mut footprints = map_ordered(found.len(), monitor, shown)?;
+    footprints.retain(|footprint| footprint.area >= params.min_area);
+    footprints.sort_by(|a, b| b.area.total_cmp(&a.area));
+    Ok(footprints)
 }
 
-fn footprint(polygon: &Polygon, heights: &[f32], points: &Points, tolerance: f64) -> Footprint {
-    let simple = simplified(polygon, tolerance);
+/// The simplified polygon; its holes that have become too small are closed.
+fn simplest(polygon: &Polygon, params: &FootprintParams) -> Polygon {
+    let mut simple = simplified(polygon, params.tolerance);
+    simple.close_holes(params.min_area);
+    simple
+}
+
+fn footprint(simple: &Polygon, heights: &[f32], points: &Points) -> Footprint {
     let [x, y, _] = points.frame.origin;
     let world = |ring: &Vec<Place>| ring.iter().map(|at| [at[0] + x, at[1] + y]).collect();
     let middle = heights.len() / 2;
@@ -184,10 +196,10 @@ fn members(points: &Points, polygons: &[Polygon], heights: &[f32], monitor: &Mon
     let corners = polygons.iter().map(|polygon| polygon.rings[0].iter().map(|&at| vector(at)));
     let boxes: Vec<Aabb> = corners.map(Aabb::from_points).collect();
     let tree = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
-    let numbered = polygons.iter().zip(0u32..);
-    // Whether a corner is inside is a matter of rounding.
+    let numbered = polygons.iter().zip(0..polygons.len() as u32);
+    // Whether a corner is inside is a matter of rounding. A corner where two meet is the larger one's, which comes last here.
     let corners: HashMap<[u64; 2], u32> =
-        numbered.flat_map(|(polygon, n)| polygon.rings.iter().flatten().map(move |&at| (key(at), n))).collect();
+        numbered.rev().flat_map(|(polygon, n)| polygon.rings.iter().flatten().map(move |&at| (key(at), n))).collect();
     let of = |row: usize| {
         let at = [f64::from(points.positions.x[row]), f64::from(points.positions.y[row])];
         let around = Aabb::new(vector(at), vector(at));

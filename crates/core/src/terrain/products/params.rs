@@ -28,6 +28,7 @@ pub struct ProductParams {
     /// Parameters of the ground filter, if it is used.
     pub filter: GroundParams,
     /// Classes that are left out of all products; `None`: 7 and 18, low and high noise, if the codes are those of ASPRS.
+    /// Withheld points are left out whatever their class.
     pub noise: Option<Vec<u8>>,
     /// Cells farther from the nearest ground point than this stay without data in the terrain model, metres; above 0.
     pub reach: f64,

@@ -19,6 +19,12 @@ impl Polygon {
         self.rings.iter().map(area).sum()
     }
 
+    /// Closes the holes of a smaller area.
+    pub(super) fn close_holes(&mut self, least: f64) {
+        let mut first = true;
+        self.rings.retain(|ring| std::mem::take(&mut first) || area(ring).abs() >= least);
+    }
+
     /// Whether a position is inside: a ray to the east crosses the rings an odd number of times.
     pub(super) fn holds(&self, at: Place) -> bool {
         self.rings.iter().filter(|ring| within(ring, at)).count() % 2 == 1
@@ -31,11 +37,12 @@ pub(super) fn key(at: Place) -> [u64; 2] {
     at.map(|v| (v + 0.0).to_bits())
 }
 
-/// The polygons whose border consists of these edges (inside on the left), without rings of a smaller area.
-pub(super) fn polygons(border: &[[Place; 2]], least: f64) -> Vec<Polygon> {
+/// The polygons whose border consists of these edges (inside on the left), largest outer ring first, without holes of a
+/// smaller area.
+pub(super) fn polygons(border: &[[Place; 2]], least_hole: f64) -> Vec<Polygon> {
     let rings = rings(border).into_iter().map(|ring| (area(&ring), ring));
     let (mut outer, holes): (Vec<_>, Vec<_>) =
-        rings.filter(|(area, _)| area.abs() >= least).partition(|(a, _)| *a > 0.0);
+        rings.filter(|(area, _)| *area > 0.0 || -area >= least_hole).partition(|(a, _)| *a > 0.0);
     outer.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut polygons: Vec<Polygon> = outer.into_iter().map(|(_, ring)| Polygon { rings: vec![ring] }).collect();
     for (_, hole) in holes {
@@ -170,7 +177,9 @@ mod tests {
         let found = &polygons(&border(&ring), 0.5)[0];
         assert!(found.holds([0.5, 1.5]) && !found.holds([1.5, 1.5]) && !found.holds([3.5, 1.5]));
         assert_eq!(polygons(&border(&ring), 2.0)[0].rings.len(), 1);
-        assert!(polygons(&border(&ring), 20.0).is_empty());
+        let mut open = found.clone();
+        open.close_holes(2.0);
+        assert_eq!((open.rings.len(), open.area(), found.rings.len()), (1, 9.0, 2));
         let bow = vec![vec![[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.0, 2.0]]];
         assert!(crossing(&bow));
     }

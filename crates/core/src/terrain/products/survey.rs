@@ -20,14 +20,15 @@ pub fn noise_classes(scheme: CodeScheme) -> &'static [u8] {
     }
 }
 
-/// The points of a cloud without noise and stray points, and which of them are ground.
+/// The points of a cloud without noise, withheld and stray points, and which of them are ground.
 #[derive(Clone, Debug)]
 pub struct Survey {
     /// The points, in metres.
     pub points: Points,
     /// Whether each is ground; at least one is, unless the ground was not asked for.
     pub is_ground: Vec<bool>,
-    /// How many ground points there are and how they were found, for the user.
+    /// How many ground points there are and how they were found, and how many points are withheld, for the user; empty if
+    /// there is nothing to tell.
     pub note: String,
 }
 
@@ -38,8 +39,12 @@ impl Survey {
     /// If there is no point or no ground point, a class is requested and the cloud has none, a parameter is out of
     /// range, or the work was cancelled.
     pub fn new(scene: &MetricCloud<'_>, params: &ProductParams, monitor: &Monitor) -> Result<Self> {
-        let points = Self::of_points(scene, params, monitor)?.points;
-        Self::with_ground(points, Codes::of(scene.cloud), params, monitor)
+        let Self { points, note: withheld, .. } = Self::of_points(scene, params, monitor)?;
+        let mut survey = Self::with_ground(points, Codes::of(scene.cloud), params, monitor)?;
+        if !withheld.is_empty() {
+            survey.note = format!("{}; {withheld}", survey.note);
+        }
+        Ok(survey)
     }
 
     /// The points alone, for a surface model: no point is ground. O(points).
@@ -51,13 +56,21 @@ impl Survey {
         let codes = Codes::of(scene.cloud);
         let noise = params.noise.as_deref().unwrap_or_else(|| noise_classes(scene.cloud.scheme));
         let all = scene.some_points(monitor)?;
+        let withheld = Withheld::of(scene.cloud);
+        let left_out = |point: u32| withheld.has(point) || codes.among(point, noise);
         let rows = 0..all.len() as u32;
-        let kept: Vec<u32> = rows.filter(|&row| !codes.among(all.frame.index[row as usize], noise)).collect();
+        let kept: Vec<u32> = rows.filter(|&row| !left_out(all.frame.index[row as usize])).collect();
+        let note = match all.frame.index.iter().filter(|&&point| withheld.has(point)).count() {
+            0 => String::new(),
+            1 => "1 withheld point is left out".into(),
+            count => format!("{count} withheld points are left out"),
+        };
         let points = if kept.len() == all.len() { all } else { all.select(&kept, monitor)? };
         if points.is_empty() {
-            return Err(Error::input(format!("all points are noise (classes {noise:?}): there is no terrain")));
+            let text = format!("all points are noise (classes {noise:?}) or withheld: there is no terrain");
+            return Err(Error::input(text));
         }
-        Ok(Self { is_ground: vec![false; points.len()], points, note: String::new() })
+        Ok(Self { is_ground: vec![false; points.len()], points, note })
     }
 
     fn with_ground(points: Points, codes: Codes<'_>, params: &ProductParams, monitor: &Monitor) -> Result<Self> {
@@ -96,6 +109,21 @@ impl<'a> Codes<'a> {
     pub(super) fn among(self, point: u32, wanted: &[u8]) -> bool {
         let has = |codes: &Values| wanted.iter().any(|&code| (codes.get(point as usize) - f64::from(code)).abs() < 0.5);
         !wanted.is_empty() && self.0.is_some_and(has)
+    }
+}
+
+/// The marks of withheld points, if a cloud has any.
+#[derive(Clone, Copy)]
+pub(super) struct Withheld<'a>(Option<&'a Values>);
+
+impl<'a> Withheld<'a> {
+    pub(super) fn of(cloud: &'a Cloud) -> Self {
+        Self(cloud.column(names::WITHHELD).map(|column| &column.values))
+    }
+
+    /// Whether a point of the cloud is withheld.
+    pub(super) fn has(self, point: u32) -> bool {
+        self.0.is_some_and(|marks| marks.get(point as usize) > 0.0)
     }
 }
 

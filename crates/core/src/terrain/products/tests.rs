@@ -184,6 +184,64 @@ fn a_box_has_its_area_and_height() {
     }
 }
 
+/// The village with 400 points high above the field, which are withheld: half ground, half building.
+fn with_withheld() -> Cloud {
+    let clean = village(1.0);
+    let mut rows: Vec<[f64; 3]> = (0..clean.len()).map(|i| clean.xyz(i)).collect();
+    let values = &clean.column("Classification").unwrap().values;
+    let mut codes: Vec<u8> = (0..clean.len()).map(|i| values.get(i) as u8).collect();
+    let place = |i: u32| [45.0 + 0.25 * f64::from(i % 20), 28.0 + 0.25 * f64::from(i / 20)];
+    rows.extend((0..400).map(place).map(|[u, v]| [ORIGIN[0] + u, ORIGIN[1] + v, 285.0]));
+    codes.extend([[6; 200], [2; 200]].concat());
+    let marks = (0..rows.len()).map(|i| u8::from(i >= clean.len())).collect();
+    let mut cloud = Cloud::from_rows(&rows).unwrap();
+    cloud.set_column(Column::new("Classification", Values::U8(codes))).unwrap();
+    cloud.set_column(Column::new("Withheld", Values::U8(marks))).unwrap();
+    cloud.scheme = CodeScheme::Asprs;
+    cloud
+}
+
+#[test]
+fn withheld_points_have_no_part_in_models_and_outlines() {
+    let (cloud, params, monitor) = (with_withheld(), ProductParams::default(), Monitor::default());
+    let (clean, found) = (found(&village(1.0), &params), found(&cloud, &params));
+    let text = |raster: &Raster| format!("{:?}", raster.values());
+    assert_eq!([&found.terrain, &found.surface].map(text), [&clean.terrain, &clean.surface].map(text));
+    assert!(found.note.ends_with("of class 2; 400 withheld points are left out"), "{}", found.note);
+    // They have a height, as noise has.
+    let last = cloud.len() - 1;
+    let [x, y, z] = cloud.xyz(last);
+    assert!((f64::from(found.heights[last]) - (z - plane(x, y))).abs() < 0.15);
+    let scene = MetricCloud::new(&cloud, None, &monitor).unwrap();
+    assert_eq!(Survey::of_points(&scene, &params, &monitor).unwrap().note, "400 withheld points are left out");
+    assert_eq!(footprints(&scene, &found.heights, &FootprintParams::default(), &monitor).unwrap().len(), 1);
+}
+
+#[test]
+fn areas_of_outlines_count_after_the_simplification() {
+    // 20 m x 10 m with a flat gable of 15 m², which the simplification takes away; and 20 m x 10.25 m.
+    let gable = |x: f64| 10.0 + 1.5 * (1.0 - (x - 10.0).abs() / 10.0);
+    let mut rows: Vec<[f64; 3]> = Vec::new();
+    for (x, y) in (0..81).flat_map(|i| (0..48).map(move |j| (0.25 * f64::from(i), 0.25 * f64::from(j)))) {
+        rows.extend((y <= gable(x)).then_some([x, y, 5.0]));
+        rows.extend((y <= 10.25).then_some([x + 40.0, y, 5.0]));
+    }
+    let mut cloud = Cloud::from_rows(&rows).unwrap();
+    cloud.set_column(Column::new("Classification", Values::U8(vec![6; rows.len()]))).unwrap();
+    let monitor = Monitor::default();
+    let scene = MetricCloud::new(&cloud, None, &monitor).unwrap();
+    let areas = |tolerance, min_area| -> Vec<f64> {
+        let params = FootprintParams { tolerance, min_area, ..FootprintParams::default() };
+        let found = footprints(&scene, &vec![5.0; rows.len()], &params, &monitor).unwrap();
+        found.iter().map(|building| building.area).collect()
+    };
+    let exact = areas(0.0, 10.0);
+    assert!((213.0..216.0).contains(&exact[0]) && (exact[1] - 205.0).abs() < 1e-6, "{exact:?}");
+    let simple = areas(2.0, 10.0);
+    assert!(simple.len() == 2 && (simple[0] - 205.0).abs() < 1e-6 && (simple[1] - 200.0).abs() < 1e-6, "{simple:?}");
+    assert_eq!(areas(2.0, 202.0).len(), 1);
+}
+
 #[test]
 fn sparse_points_get_a_wider_shape() {
     let mut s = stream(20, 2);
