@@ -109,7 +109,7 @@ def test_none_is_no_label_among_numbers_too():
     assert evaluation.scores(truth, predicted, **maps) == evaluation.scores(*same, **maps)
     assert evaluation.scores(truth, predicted, **maps)["overall_accuracy"] == 0.75
     assert evaluation.purities([1, 1, 1], [2, None, 6]).tolist() == [0.5]
-    assert evaluation.scores([None, None], [2, 2])["points"] == 0
+    assert evaluation.confusion_matrix([None, None], [2, 2])[0].shape == (0, 0)
     with pytest.raises(TypeError, match="truth"):
         evaluation.scores([2, {}], [2, 2])
 
@@ -133,6 +133,18 @@ def test_what_has_nothing_to_compare_has_an_error_of_nan(monkeypatch):
     monkeypatch.setattr(evaluation._core, "segmentation_error", lambda *_: text)
     found = evaluation.segmentation_error(np.eye(3), [0, 0, 1], [-1, 2, -1])
     assert np.isnan([found["error"], found["precision"], found["classes"][0]["precision"]]).all()
+
+
+def test_nothing_to_score_is_an_error_and_one_class_has_no_kappa():
+    for truth, predicted, cause in ([[None, None], [2, 2], "all 2 points"], [[], [], "there is none"]):
+        for call in (evaluation.scores, evaluation.report):
+            with pytest.raises(ValueError, match=f"no point to score: {cause}"):
+                call(truth, predicted)
+    found = evaluation.scores([2, 2], [2, 2])
+    assert np.isnan(found["kappa"]) and found["overall_accuracy"] == 1
+    assert "kappa -" in evaluation.report([2, 2], [2, 2])
+    none = evaluation.boundary_scores([[0, 1]], [0, 0], [2, 2])
+    assert np.isnan([none["recall"], none["precision"]]).all()
 
 
 def test_each_side_has_a_map_of_its_own():

@@ -237,6 +237,12 @@ fn a_class_that_is_asked_for_and_absent_is_named() {
     assert!(message.contains("17") && message.contains("found: 2, 6"), "{message}");
     let (_, said) = done(f, &["evaluate", "a.laz", "a.laz", "--classes", "2,6,17"]);
     assert!(said.contains("warning") && said.contains("17"), "{said}");
+    let message = fails(f, &["evaluate", "a.laz", "a.laz", "--classes", "17"]);
+    assert!(message.contains("no point to score: all") && message.contains("unlabelled"), "{message}");
+    let (table, _) = done(f, &["evaluate", "a.laz", "a.laz", "--classes", "6"]);
+    assert!(table.contains("kappa -"), "{table}");
+    let (out, _) = done(f, &["evaluate", "a.laz", "a.laz", "--classes", "6", "--format", "json"]);
+    assert!(json(&out)["kappa"].is_null(), "{out}");
 }
 
 /// A scene with this many points of class 7 at one position above it.

@@ -59,7 +59,8 @@ pub(crate) fn scores(
     predicted: PyReadonlyArray1<'_, i16>,
     names: Vec<String>,
 ) -> PyResult<String> {
-    texts::to_json(&confusion(py, &truth, &predicted, names)?).map_err(raise)
+    let confusion = confusion(py, &truth, &predicted, names)?;
+    confusion.check_some().and_then(|()| texts::to_json(&confusion)).map_err(raise)
 }
 
 /// The scores as a text table.
@@ -70,7 +71,8 @@ pub(crate) fn report(
     predicted: PyReadonlyArray1<'_, i16>,
     names: Vec<String>,
 ) -> PyResult<String> {
-    confusion(py, &truth, &predicted, names).map(|confusion| texts::to_table(&confusion))
+    let confusion = confusion(py, &truth, &predicted, names)?;
+    confusion.check_some().map(|()| texts::to_table(&confusion)).map_err(raise)
 }
 
 /// Agreement of segments with the boundaries of the classes, as JSON; negative codes are unlabelled.

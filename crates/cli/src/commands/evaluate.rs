@@ -7,7 +7,7 @@ use crate::exit_code::Failure;
 use scansion_core::classes::LabelMap;
 use scansion_core::cloud::{Cloud, Coordinates, MetricCloud, names};
 use scansion_core::evaluation::{
-    ClassEdges, Confusion, LabelledPartition, SegmentationErrorParams, report, segmentation_error,
+    ClassEdges, Confusion, LabelledPartition, SegmentationErrorParams, no_point_to_score, report, segmentation_error,
 };
 use scansion_core::io::{self, atomic};
 use scansion_core::recipes::{self, ClassifyParams, LabelParams, Labels, read_labels};
@@ -39,6 +39,7 @@ pub(crate) fn run(args: &Evaluate, context: &Context<'_>) -> Result<(), Failure>
     if !args.labels.classes.is_empty() {
         confusion = confusion.with_means_over(&args.labels.classes);
     }
+    confusion.check_some()?;
     args.output.iter().try_for_each(|path| write(path, &confusion, context))?;
     context.printer.data(&match context.printer.format {
         Format::Json => report::to_json(&confusion)?,
@@ -68,6 +69,9 @@ fn segments(
     let index = &points.frame.index;
     let labels: Vec<u32> = index.iter().map(|&i| column.values.get(i as usize) as u32).collect();
     let codes: Vec<Option<u8>> = index.iter().map(|&i| truth.codes[i as usize]).collect();
+    if codes.iter().all(Option::is_none) {
+        return Err(no_point_to_score(codes.len() as u64).into());
+    }
     let partition = Partition::from_labels_watched(&labels, &context.monitor)?;
     let labelled = LabelledPartition { points: &points.positions, partition: &partition, truth: &codes };
     let params = SegmentationErrorParams { cell, ..SegmentationErrorParams::default() };
@@ -85,7 +89,9 @@ fn segments(
             let line =
                 |c: &ClassEdges| format!("{:>5} {:>14} {:>8.3} {:>10.3}\n", c.code, c.reference, c.error, c.precision);
             let head = format!("{:>5} {:>14} {:>8} {:>10}\n", "code", "boundary cells", "error", "precision");
-            let mean = format!("segmentation error {:.3}, precision {:.3}\n", found.error, found.precision);
+            let shown = |v: f64| if v.is_nan() { "-".into() } else { format!("{v:.3}") };
+            let [error, precision] = [found.error, found.precision].map(shown);
+            let mean = format!("segmentation error {error}, precision {precision}\n");
             std::iter::once(head).chain(found.classes.iter().map(line)).chain([mean]).collect()
         }
     })

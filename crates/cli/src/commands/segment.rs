@@ -5,6 +5,7 @@ use super::{Context, sources};
 use crate::args::{Format, LabelArgs, Segment, SegmentArgs};
 use crate::exit_code::Failure;
 use scansion_core::cloud::{Cloud, Column, Values, names};
+use scansion_core::evaluation::report::percent;
 use scansion_core::images::segment_colour;
 use scansion_core::io::{self, Columns, Edit};
 use scansion_core::recipes::{self, Labels, LevelReport, SegmentParams, SegmentReport, Segmented};
@@ -145,11 +146,11 @@ fn table(report: &SegmentReport) -> String {
     if let (Some(accuracy), Some(b)) = (report.oracle_accuracy, report.boundaries) {
         let _ = write!(
             text,
-            "\noracle accuracy {:.2} % (the best that classifying whole segments can reach); boundary recall {:.2} %, \
-             precision {:.2} %",
+            "\noracle accuracy {:.2} % (the best that classifying whole segments can reach); boundary recall {} %, \
+             precision {} %",
             100.0 * accuracy,
-            100.0 * b.recall,
-            100.0 * b.precision
+            percent(b.recall),
+            percent(b.precision)
         );
     }
     text.trim_end().to_string()

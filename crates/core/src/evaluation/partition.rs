@@ -25,9 +25,9 @@ pub struct BoundaryScores {
     pub true_edges: u64,
     /// Edges between labelled nodes of different segments.
     pub found_edges: u64,
-    /// Boundary recall: share of the true edges that are found; 0 if there are none.
+    /// Boundary recall: share of the true edges that are found; NaN if there are none.
     pub recall: f64,
-    /// Boundary precision: share of the found edges that are true; 0 if there are none.
+    /// Boundary precision: share of the found edges that are true; NaN if there are none.
     pub precision: f64,
 }
 
@@ -65,14 +65,14 @@ fn count(marks: &[bool]) -> u64 {
     marks.iter().filter(|m| **m).count() as u64
 }
 
-/// Share of the wanted edges that match one of the others.
+/// Share of the wanted edges that match one of the others; NaN if there are none.
 fn met(graph: &Graph, wanted: &[bool], others: &[bool], hops: usize) -> f64 {
     let near = (hops > 0).then(|| nodes_near(graph, others, hops - 1));
     let is_met = |edge: usize| {
         others[edge] || near.as_ref().is_some_and(|near| graph.edges()[edge].iter().any(|&v| near[v as usize]))
     };
     let hits = (0..wanted.len()).filter(|&edge| wanted[edge] && is_met(edge)).count();
-    hits as f64 / count(wanted).max(1) as f64
+    hits as f64 / count(wanted) as f64
 }
 
 /// Nodes at most `hops` away from an end of a marked edge. Each hop is one pass over the edges, which needs two bytes a
@@ -156,7 +156,8 @@ mod tests {
         let scores = boundary_scores(&chain(5), &partition, &labels, 0).unwrap();
         assert_eq!(scores, BoundaryScores { true_edges: 1, found_edges: 1, recall: 1.0, precision: 1.0 });
         let none = boundary_scores(&chain(5), &partition, &[None; 5], 0).unwrap();
-        assert_eq!((none.true_edges, none.found_edges, none.recall, none.precision), (0, 0, 0.0, 0.0));
+        assert_eq!((none.true_edges, none.found_edges), (0, 0));
+        assert!(none.recall.is_nan() && none.precision.is_nan());
         assert!(boundary_scores(&chain(4), &partition, &labels, 0).is_err());
     }
 

@@ -24,7 +24,7 @@ pub fn to_table(confusion: &Confusion) -> String {
         ("mean F1", s.mean_f1_score),
         ("kappa", s.kappa),
     ];
-    let means = means.map(|(name, value)| format!("{name} {:.2}", 100.0 * value));
+    let means = means.map(|(name, value)| format!("{name} {}", percent(value)));
     let _ = writeln!(
         text,
         "\n{}  (all in percent, {} points, {} skipped as unlabelled)",
@@ -58,7 +58,12 @@ fn matrix(confusion: &Confusion, width: usize) -> String {
     text
 }
 
-/// All scores as JSON.
+/// A share in percent; `-` if it is not defined.
+pub fn percent(share: f64) -> String {
+    if share.is_nan() { "-".into() } else { format!("{:.2}", 100.0 * share) }
+}
+
+/// All scores as JSON; null stands for those that are not defined.
 ///
 /// # Errors
 /// If the JSON encoder fails.
@@ -67,7 +72,7 @@ pub fn to_json(confusion: &Confusion) -> Result<String> {
         .map_err(|e| Error::input(format!("scores cannot be written as JSON: {e}")))
 }
 
-/// CSV: one line a class, then the means.
+/// CSV: one line a class, then the means; those that are not defined are empty.
 pub fn to_csv(confusion: &Confusion) -> String {
     let s = confusion.scores();
     let mut text = "code,class,precision,recall,f1_score,intersection_over_union,support\n".to_string();
@@ -84,8 +89,10 @@ pub fn to_csv(confusion: &Confusion) -> String {
             l.support
         );
     }
-    let _ = writeln!(text, ",overall_accuracy,{0},{0},,,{1}", s.overall_accuracy, s.points);
-    let _ = writeln!(text, ",mean,,,{},{},", s.mean_f1_score, s.mean_intersection_over_union);
+    let number = |v: f64| if v.is_nan() { String::new() } else { v.to_string() };
+    let [accuracy, f1, iou] = [s.overall_accuracy, s.mean_f1_score, s.mean_intersection_over_union].map(number);
+    let _ = writeln!(text, ",overall_accuracy,{accuracy},{accuracy},,,{}", s.points);
+    let _ = writeln!(text, ",mean,,,{f1},{iou},");
     text
 }
 
@@ -124,5 +131,12 @@ mod tests {
             assert!(json[key].is_number(), "{key}");
         }
         assert_eq!(to_csv(&confusion).lines().count(), 5);
+        // One class: no agreement beyond chance; and means over a class that does not occur.
+        let one = Confusion::from_labels(&[2, 2], &[2, 2], &[]).unwrap().with_means_over(&[9]);
+        let table = to_table(&one);
+        assert!(table.contains("overall accuracy 100.00, mean IoU -, mean F1 -, kappa -  (all"), "{table}");
+        let json: serde_json::Value = serde_json::from_str(&to_json(&one).unwrap()).unwrap();
+        assert!(json["kappa"].is_null() && json["mean_f1_score"].is_null());
+        assert!(to_csv(&one).ends_with(",mean,,,,,\n"), "{}", to_csv(&one));
     }
 }

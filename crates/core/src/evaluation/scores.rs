@@ -1,6 +1,7 @@
-//! Scores derived from a confusion matrix. An undefined quotient is 0.
+//! Scores derived from a confusion matrix. An undefined score of a class is 0; an undefined mean, share or κ is NaN.
 
 use super::Confusion;
+use crate::error::{Error, Result};
 use serde::Serialize;
 
 /// Scores of one class.
@@ -31,19 +32,19 @@ pub struct Scores {
     pub points: u64,
     /// Number of points without a true label.
     pub skipped: u64,
-    /// Share of all points that are correct.
+    /// Share of all points that are correct; NaN without a point, as all that follow.
     pub overall_accuracy: f64,
     /// Mean recall of the classes that occur in the truth.
     pub balanced_accuracy: f64,
-    /// Unweighted mean over the classes of `mean_over`.
+    /// Unweighted mean over the classes of `mean_over`; NaN if there are none.
     pub mean_intersection_over_union: f64,
-    /// Unweighted mean over the classes of `mean_over`.
+    /// Unweighted mean over the classes of `mean_over`; NaN if there are none.
     pub mean_f1_score: f64,
     /// Codes of the classes that the means run over: those that occur in the truth, unless others were asked for.
     pub mean_over: Vec<u8>,
     /// Mean F1 weighted by support.
     pub weighted_f1_score: f64,
-    /// Cohen's κ: agreement beyond chance.
+    /// Cohen's κ: agreement beyond chance; NaN if all points have and get one class, where chance is 1 too.
     pub kappa: f64,
     /// One entry a class.
     pub labels: Vec<ClassScores>,
@@ -55,7 +56,29 @@ fn quotient(a: f64, b: f64) -> f64 {
     if b > 0.0 { a / b } else { 0.0 }
 }
 
+/// A quotient that has no value if there is nothing to divide by.
+fn share(a: f64, b: f64) -> f64 {
+    if b > 0.0 { a / b } else { f64::NAN }
+}
+
+/// The error about an evaluation without a point that has a true label, with the number of points that have none.
+pub fn no_point_to_score(unlabelled: u64) -> Error {
+    Error::input(match unlabelled {
+        0 => "no point to score: there is none in the truth".to_string(),
+        1 => "no point to score: the only point of the truth is unlabelled".to_string(),
+        many => format!("no point to score: all {many} points of the truth are unlabelled"),
+    })
+}
+
 impl Confusion {
+    /// Fails if there is no point to score.
+    ///
+    /// # Errors
+    /// Names the cause.
+    pub fn check_some(&self) -> Result<()> {
+        if self.points() == 0 { Err(no_point_to_score(self.skipped())) } else { Ok(()) }
+    }
+
     /// All scores. O(classes²).
     pub fn scores(&self) -> Scores {
         let n = self.classes().len();
@@ -63,22 +86,22 @@ impl Confusion {
         let points = self.points() as f64;
         let over: Vec<&ClassScores> =
             labels.iter().enumerate().filter(|(i, _)| self.is_in_means(*i)).map(|(_, l)| l).collect();
-        let mean = |value: fn(&ClassScores) -> f64| quotient(over.iter().map(|l| value(l)).sum(), over.len() as f64);
+        let mean = |value: fn(&ClassScores) -> f64| share(over.iter().map(|l| value(l)).sum(), over.len() as f64);
         let weighted: f64 = labels.iter().map(|l| l.f1_score * l.support as f64).sum();
         let true_classes: Vec<f64> = labels.iter().filter(|l| l.support > 0).map(|l| l.recall).collect();
-        let agreement = quotient((0..n).map(|i| self.count(i, i)).sum::<u64>() as f64, points);
+        let agreement = share((0..n).map(|i| self.count(i, i)).sum::<u64>() as f64, points);
         let chance: f64 =
             labels.iter().map(|l| quotient(l.support as f64, points) * quotient(l.predicted as f64, points)).sum();
         Scores {
             points: self.points(),
             skipped: self.skipped(),
             overall_accuracy: agreement,
-            balanced_accuracy: quotient(true_classes.iter().sum(), true_classes.len() as f64),
+            balanced_accuracy: share(true_classes.iter().sum(), true_classes.len() as f64),
             mean_intersection_over_union: mean(|l| l.intersection_over_union),
             mean_f1_score: mean(|l| l.f1_score),
             mean_over: over.iter().map(|l| l.code).collect(),
-            weighted_f1_score: quotient(weighted, points),
-            kappa: quotient(agreement - chance, 1.0 - chance),
+            weighted_f1_score: share(weighted, points),
+            kappa: share(agreement - chance, 1.0 - chance),
             confusion_matrix: (0..n).map(|t| (0..n).map(|p| self.count(t, p)).collect()).collect(),
             labels,
         }
@@ -151,8 +174,26 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_compare_gives_zeros() {
-        let s = Confusion::from_labels(&[0, 0], &[2, 3], &[0]).unwrap().scores();
-        assert_eq!((s.points, s.skipped, s.overall_accuracy.to_bits(), s.kappa.to_bits()), (0, 2, 0, 0));
+    fn nothing_to_compare_has_no_scores() {
+        let nothing = Confusion::from_labels(&[0, 0], &[2, 3], &[0]).unwrap();
+        let s = nothing.scores();
+        assert_eq!((s.points, s.skipped), (0, 2));
+        let means = [s.mean_f1_score, s.mean_intersection_over_union, s.balanced_accuracy, s.weighted_f1_score];
+        assert!([s.overall_accuracy, s.kappa].iter().chain(&means).all(|v| v.is_nan()), "{s:?}");
+        let said = nothing.check_some().unwrap_err().to_string();
+        assert!(said.contains("no point to score: all 2 points"), "{said}");
+        let said = Confusion::from_labels(&[], &[], &[]).unwrap().check_some().unwrap_err().to_string();
+        assert!(said.contains("there is none"), "{said}");
+        assert!(Confusion::from_labels(&[2], &[6], &[]).unwrap().check_some().is_ok());
+    }
+
+    #[test]
+    fn kappa_of_one_class_and_means_of_no_class_are_not_numbers() {
+        // scikit-learn: cohen_kappa_score([2, 2], [2, 2]) is nan, of [2, 2], [2, 6] it is 0.
+        let one = Confusion::from_labels(&[2, 2], &[2, 2], &[]).unwrap();
+        assert!(one.scores().kappa.is_nan() && (one.scores().overall_accuracy - 1.0).abs() < 1e-12);
+        assert_eq!(Confusion::from_labels(&[2, 2], &[2, 6], &[]).unwrap().scores().kappa, 0.0);
+        let absent = one.with_means_over(&[9]).scores();
+        assert!(absent.mean_intersection_over_union.is_nan() && absent.mean_f1_score.is_nan());
     }
 }

@@ -128,8 +128,13 @@ def scores(
         ``confusion_matrix``, ``labels`` (one dict a class: ``code``, ``name``, ``precision``, ``recall``,
         ``f1_score``, ``intersection_over_union``, ``support``), ``overall_accuracy``,
         ``mean_intersection_over_union``, ``mean_f1_score`` (over the classes in the truth, ``mean_over``), ``kappa`` and
-        more. All scores are in 0..1 (kappa in
-        -1..1); an undefined score is 0.
+        more. All scores are in 0..1 (kappa in -1..1). An undefined score of a class is 0; kappa is NaN if all points have and
+        get one class.
+
+    Raises
+    ------
+    ValueError
+        If no point has a true label.
 
     Examples
     --------
@@ -139,8 +144,7 @@ def scores(
     >>> scores([2, 2, 6, 1], [2, 6, 6, 6], unlabelled=[0, 1])["confusion_matrix"]
     [[1, 1], [0, 1]]
     """
-    found: dict[str, Any] = json.loads(_core.scores(*_pair(truth, predicted, unlabelled, (map_truth, map_predicted))))
-    return found
+    return _with_nan(json.loads(_core.scores(*_pair(truth, predicted, unlabelled, (map_truth, map_predicted)))))
 
 
 def report(
@@ -166,7 +170,12 @@ def report(
     Returns
     -------
     str
-        Aligned text with the confusion matrix and one line a class.
+        Aligned text with the confusion matrix and one line a class; ``-`` stands for what is not defined.
+
+    Raises
+    ------
+    ValueError
+        If no point has a true label.
 
     Notes
     -----
@@ -241,6 +250,8 @@ def segmentation_error(
 
 def _named(rows: list[dict[str, Any]], pair: _Pair) -> list[dict[str, Any]]:
     """Rows of classes with the names that `scores` gives to their codes."""
+    if not rows:
+        return []
     names = {label["code"]: label["name"] for label in json.loads(_core.scores(*pair))["labels"]}
     return [{"code": row["code"], "name": names[row["code"]], **row} for row in rows]
 
@@ -332,7 +343,8 @@ def boundary_scores(
     Returns
     -------
     scores : dict
-        ``recall`` and ``precision``, and the numbers of boundary edges, ``true_edges`` and ``found_edges``.
+        ``recall`` and ``precision`` (NaN without a true or a found edge), and the numbers of boundary edges,
+        ``true_edges`` and ``found_edges``.
 
     Examples
     --------
@@ -345,8 +357,7 @@ def boundary_scores(
     pairs = as_edges(edges)
     if kept is not None:
         pairs, _ = edges_between(pairs, None, kept)
-    found: dict[str, Any] = json.loads(_core.boundary_scores(pairs, of, codes_of, hops))
-    return found
+    return _with_nan(json.loads(_core.boundary_scores(pairs, of, codes_of, hops)))
 
 
 def _segments(

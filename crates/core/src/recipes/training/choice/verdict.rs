@@ -120,7 +120,7 @@ impl Mean {
         Self {
             f1: mean(there.iter().map(|class| class.f1_score).sum()),
             iou: mean(there.iter().map(|class| class.intersection_over_union).sum()),
-            accuracy: scores.overall_accuracy,
+            accuracy: if scores.points > 0 { scores.overall_accuracy } else { 0.0 },
         }
     }
 }
