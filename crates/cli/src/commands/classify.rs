@@ -29,7 +29,9 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
     }
     let map: LabelMap = args.map.join(",").parse()?;
     let pairs = sources::outputs(&sources::expanded(&args.inputs)?, &args.output)?;
+    tell_unused(&model, &map, args, context)?;
     let (mut failed, mut first) = (0, true);
+    let mut keep = Kept { read: false, absent: args.keep.clone() };
     let skipped = |output: &Path| args.skip_existing && output.exists();
     let check = |output: &Path| if skipped(output) { Ok(false) } else { io::check_cloud_output(output).map(|()| true) };
     let checked: Vec<_> = pairs.iter().map(|(_, output)| check(output)).collect();
@@ -41,7 +43,7 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
                 Ok(())
             }
             true => {
-                let summary = one(input, output, &model, &map, args, context)?;
+                let summary = one((input, output), (&model, &map), &mut keep, args, context)?;
                 let data = summary.data(context.printer.format, std::mem::replace(&mut first, false));
                 data.map_or(Ok(()), |text| context.printer.data(&text))
             }
@@ -58,6 +60,7 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
             Ok(()) => {}
         }
     }
+    keep.tell(context);
     if builtin(args) && failed < pairs.len() {
         context.printer.note(LIMITS);
     }
@@ -69,11 +72,52 @@ fn builtin(args: &Classify) -> bool {
     args.model.as_deref().is_none_or(sources::is_builtin)
 }
 
+/// Warns of entries of `--map` for classes that the model does not give.
+fn tell_unused(model: &Model, map: &LabelMap, args: &Classify, context: &Context<'_>) -> Result<(), Failure> {
+    let given = given(model, args, context)?;
+    // Besides the classes: codes of points without a class, and of stray points.
+    let known = [given.codes(), vec![given.free_code(), 0, 1, 7]].concat();
+    let unused = map.unused(&known);
+    if !unused.is_empty() {
+        let classes: Vec<String> =
+            given.classes().iter().map(|class| format!("{} {}", class.code, class.name)).collect();
+        let (codes, has) = (unused.join(", "), classes.join(", "));
+        context.printer.warning(&format!("--map changes no point of {codes}: the model's classes are {has}"));
+    }
+    Ok(())
+}
+
+/// The codes of `--keep` that no point of the inputs so far has.
+struct Kept {
+    /// Whether an input was read.
+    read: bool,
+    absent: Vec<u8>,
+}
+
+impl Kept {
+    /// Looks for the codes in an input.
+    fn look(&mut self, cloud: &Cloud) {
+        self.read = true;
+        let values = cloud.column(names::CLASSIFICATION).map(|column| &column.values);
+        let has = |code: u8| values.is_some_and(|v| (0..v.len()).any(|i| (v.get(i) - f64::from(code)).abs() < 0.5));
+        self.absent.retain(|&code| !has(code));
+    }
+
+    /// Warns of the codes that no input has.
+    fn tell(&self, context: &Context<'_>) {
+        if self.read && !self.absent.is_empty() {
+            let codes = self.absent.iter().map(u8::to_string).collect::<Vec<_>>().join(", ");
+            let text =
+                format!("--keep {codes}: no point of the input has this class (--keep takes codes of the input)");
+            context.printer.warning(&text);
+        }
+    }
+}
+
 fn one(
-    input: &Path,
-    output: &Path,
-    model: &Model,
-    map: &LabelMap,
+    (input, output): (&Path, &Path),
+    (model, map): (&Model, &LabelMap),
+    keep: &mut Kept,
     args: &Classify,
     context: &Context<'_>,
 ) -> Result<Summary, Failure> {
@@ -100,6 +144,7 @@ fn one(
         rules: Some(rules(model, args)?),
     };
     check_kept(&cloud, args)?;
+    keep.look(&cloud);
     let result = recipes::classify(&cloud, model, &params, &context.monitor)?;
     result.warnings.iter().for_each(|w| context.printer.warning(&format!("{}: {w}", input.display())));
     if builtin(args)

@@ -44,17 +44,25 @@ fn table(found: &Difference, naming: &Naming) -> String {
             let _ = writeln!(text, "{title}: {}", names.join(" "));
         }
     }
+    let one_sided = found.fields.iter().any(|f| f.one_sided > 0);
+    let more = |cell: &dyn std::fmt::Display| if one_sided { format!(" {cell:>18}") } else { String::new() };
     if !found.fields.is_empty() {
-        let _ = writeln!(text, "\n{:<24} {:>14} {:>14} {:>14}", "field", "points", "first point", "by at most");
+        let more = more(&"number in one only");
+        let _ = writeln!(text, "\n{:<24} {:>14} {:>14} {:>14}{more}", "field", "points", "first point", "by at most");
     }
     for f in &found.fields {
-        let _ = writeln!(text, "{:<24} {:>14} {:>14} {:>14}", f.name, f.differing, f.first, shown(f.largest));
+        let (largest, more) = (shown(f.largest), more(&f.one_sided));
+        let _ = writeln!(text, "{:<24} {:>14} {:>14} {largest:>14}{more}", f.name, f.differing, f.first);
     }
     classes(&mut text, found, naming);
     text
 }
 
+/// The largest difference of two numbers; `-` if there is none.
 fn shown(largest: f64) -> String {
+    if largest.is_nan() {
+        return "-".into();
+    }
     let rounded: f64 = format!("{largest:.6e}").parse().unwrap_or(largest);
     rounded.to_string()
 }
@@ -83,7 +91,7 @@ fn classes(text: &mut String, found: &Difference, naming: &Naming) {
     let _ = writeln!(text, "{:<65} {stayed:>14}", "the same class");
 }
 
-/// One line per difference: kind, name, points, first, largest, and the two values.
+/// One line per difference: kind, name, points, first, largest (empty if no two numbers differ), and the two values.
 fn csv(found: &Difference) -> String {
     let quoted = |s: &str| format!("\"{}\"", s.replace('"', "\"\""));
     let mut text = "kind,name,points,first,largest,a,b\n".to_string();
@@ -100,7 +108,8 @@ fn csv(found: &Difference) -> String {
         }
     }
     for f in &found.fields {
-        let _ = writeln!(text, "field,{},{},{},{},,", quoted(&f.name), f.differing, f.first, f.largest);
+        let largest = if f.largest.is_nan() { String::new() } else { f.largest.to_string() };
+        let _ = writeln!(text, "field,{},{},{},{largest},,", quoted(&f.name), f.differing, f.first);
     }
     for c in &found.classes {
         let _ = writeln!(text, "class,,{},,,{},{}", c.points, c.from, c.to);

@@ -140,6 +140,7 @@ fn recipe(args: &Train) -> Result<AnyRecipe, Failure> {
 /// Reads all inputs and their labels.
 fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<Vec<LabelledCloud>, Failure> {
     let inputs: Vec<&Path> = args.inputs.iter().map(AsRef::as_ref).collect();
+    run::warn_of_twice(&args.inputs, &context.monitor);
     let weak: Vec<&Path> = args.weak_labels.iter().map(AsRef::as_ref).collect();
     let source = LabelSource::new(&args.labels, &[&inputs[..], &weak[..]].concat())?;
     let files = weak.iter().map(|path| source.picked(path, context)).collect::<scansion_core::Result<Vec<_>>>()?;

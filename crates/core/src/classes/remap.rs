@@ -9,11 +9,13 @@ pub struct LabelMap {
     codes: [u8; 256],
     /// First and last code above 255, and the code that they become.
     large: Vec<[u32; 3]>,
+    /// First and last code of each entry of the text that the map was read from.
+    entries: Vec<[u32; 2]>,
 }
 
 impl Default for LabelMap {
     fn default() -> Self {
-        Self { codes: std::array::from_fn(|i| i as u8), large: Vec::new() }
+        Self { codes: std::array::from_fn(|i| i as u8), large: Vec::new(), entries: Vec::new() }
     }
 }
 
@@ -39,6 +41,13 @@ impl LabelMap {
         }
     }
 
+    /// The entries of the map's text that change none of these codes, as text: `99`, `7-9`.
+    pub fn unused(&self, codes: &[u8]) -> Vec<String> {
+        let used = |[low, high]: [u32; 2]| codes.iter().any(|&code| (low..=high).contains(&u32::from(code)));
+        let text = |[low, high]: [u32; 2]| if low == high { low.to_string() } else { format!("{low}-{high}") };
+        self.entries.iter().copied().filter(|&entry| !used(entry)).map(text).collect()
+    }
+
     /// Maps `from` to `to`.
     pub fn set(&mut self, from: u8, to: u8) {
         self.codes[usize::from(from)] = to;
@@ -62,6 +71,7 @@ impl FromStr for LabelMap {
             if low > high {
                 return Err(bad(part));
             }
+            map.entries.push([low, high]);
             (low..=high.min(255)).for_each(|from| map.set(from as u8, to));
             if high > 255 {
                 map.large.push([low.max(256), high, to.into()]);
@@ -85,5 +95,12 @@ mod tests {
         assert_eq!([249.0, 250.0, 255.0, 257.0, 258.0, 1004.0].map(of), [249, 20, 20, 20, 18, 6].map(Some));
         assert_eq!([256.5, 260.0, 1e12].map(of), [None; 3]);
         assert!("car=2".parse::<LabelMap>().is_err());
+    }
+
+    #[test]
+    fn entries_for_codes_that_do_not_occur_are_told() {
+        let map: LabelMap = "3-5=4,99=4, 7-9=1,1004=6,2=2".parse().unwrap();
+        assert_eq!(map.unused(&[2, 5, 6]), ["99", "7-9", "1004"]);
+        assert!(LabelMap::default().unused(&[]).is_empty());
     }
 }

@@ -121,7 +121,11 @@ fn losses(cloud: &crate::Cloud, back: &crate::Cloud, options: &WriteOptions) -> 
         notes.push(format!("not kept: {}", found.only_in[0].join(" ")));
     }
     for field in &found.fields {
-        notes.push(format!("{}: rounded in {} points, by {:.3e} at most", field.name, field.differing, field.largest));
+        let (name, points) = (&field.name, field.differing);
+        notes.push(match field.largest.is_nan() {
+            true => format!("{name}: changed in {points} points"),
+            false => format!("{name}: rounded in {points} points, by {:.3e} at most", field.largest),
+        });
     }
     Ok(notes)
 }

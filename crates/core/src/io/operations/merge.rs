@@ -20,6 +20,8 @@ use std::path::{Path, PathBuf};
 /// # Errors
 /// If there are no inputs, reference systems or kinds of GPS time differ, no common grid represents all coordinates
 /// exactly, or dimensions with the same name have different types.
+///
+/// A file that is an input more than once is warned of.
 pub fn merge(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Result<RewriteReport> {
     if inputs.is_empty() {
         return Err(Error::input("nothing to merge: no input"));
@@ -35,6 +37,7 @@ fn merge_any(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Resul
     }
     if all_las {
         options.keeps_steps()?;
+        run::warn_of_twice(inputs, &options.monitor);
         return las::merge(inputs, output, options);
     }
     check_place(output)?;
@@ -45,11 +48,12 @@ fn merge_any(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Resul
 }
 
 /// Reads several files as one cloud, in the given order, and tells what some of them lack. A single one is read as it is.
-/// Time linear in the points.
+/// A file that is an input more than once is warned of. Time linear in the points.
 ///
 /// # Errors
 /// As [`read_with`], and if there are no inputs, or their reference systems or units differ.
 pub fn read_together(inputs: &[PathBuf], options: &ReadOptions) -> Result<(Cloud, Vec<String>)> {
+    run::warn_of_twice(inputs, &options.monitor);
     let mut parts = Vec::with_capacity(inputs.len());
     for (number, input) in inputs.iter().enumerate() {
         options.monitor.file(number + 1, inputs.len());
@@ -214,6 +218,31 @@ mod tests {
         let message = merge(&paths, &target, &WriteOptions::default()).unwrap_err().to_string();
         assert!(message.contains("reference system"), "{message}");
         assert!(!target.exists());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_input_that_stands_twice_is_warned_of() {
+        let folder = tempfile::tempdir().unwrap();
+        let paths = ["a.las", "b.las", "soft.las", "./a.las"].map(|n| folder.path().join(n));
+        file(&paths[0], (0.01, 100.0, 100.0), None);
+        file(&paths[1], (0.01, 100.0, 300.0), None);
+        std::os::unix::fs::symlink(&paths[0], &paths[2]).unwrap();
+        let twice = |chosen: &[usize], target: &str| {
+            let inputs: Vec<PathBuf> = chosen.iter().map(|&i| paths[i].clone()).collect();
+            let options = WriteOptions::default();
+            merge(&inputs, &folder.path().join(target), &options).unwrap();
+            options.monitor.take_warnings().iter().filter(|text| text.contains("input more than once")).count()
+        };
+        for target in ["all.las", "all.ply"] {
+            assert_eq!(
+                [&[0, 1][..], &[0, 0], &[1, 0, 2], &[0, 1, 3]].map(|chosen| twice(chosen, target)),
+                [0, 1, 1, 1]
+            );
+        }
+        let options = ReadOptions::default();
+        read_together(&[paths[1].clone(), paths[1].clone()], &options).unwrap();
+        assert!(options.monitor.take_warnings()[0].contains("b.las"));
     }
 
     #[test]

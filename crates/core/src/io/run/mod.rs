@@ -151,6 +151,22 @@ pub fn expect(path: &Path) {
     }
 }
 
+/// Warns of each file that stands more than once among these inputs, whose points would count several times.
+pub fn warn_of_twice(inputs: &[PathBuf], monitor: &Monitor) {
+    let places: Vec<Place> = inputs.iter().map(|path| Place::of(path)).collect();
+    for (at, place) in places.iter().enumerate() {
+        if let Some(first) = places[..at].iter().position(|earlier| earlier.is(place)) {
+            let [one, other] = [first, at].map(|at| inputs[at].display());
+            monitor.warn(match inputs[first] == inputs[at] {
+                true => format!("{one} is an input more than once: its points count each time"),
+                false => {
+                    format!("{one} and {other} are the same file, an input more than once: its points count each time")
+                }
+            });
+        }
+    }
+}
+
 /// Registers a file from which the run goes on if it exists, and which it then writes again: the same file may be input
 /// and output.
 pub fn goes_on_from(path: &Path) {

@@ -38,8 +38,10 @@ pub struct FieldDifference {
     pub differing: u64,
     /// Index of the first of them, from 0.
     pub first: u64,
-    /// Largest difference between two finite values, in the field's unit.
+    /// Largest difference between two finite values, in the field's unit; NaN (null in JSON) if no such values differ.
     pub largest: f64,
+    /// Number of points whose value is a finite number in one of the files only.
+    pub one_sided: u64,
 }
 
 /// A pair of class codes and the number of its points.
@@ -95,7 +97,12 @@ impl Difference {
         if self.points[0] != self.points[1] {
             parts.push(format!("{} points became {}", self.points[0], self.points[1]));
         }
-        parts.extend(self.fields.iter().map(|f| format!("{} in {} points", f.name, f.differing)));
+        let one_sided = |f: &FieldDifference| match f.one_sided {
+            0 => String::new(),
+            count => format!(" ({count} of them have a number in one file only)"),
+        };
+        let fields = self.fields.iter();
+        parts.extend(fields.map(|f| format!("{} in {} points{}", f.name, f.differing, one_sided(f))));
         for (names, word) in self.only_in.iter().zip(["gone", "new"]) {
             if !names.is_empty() {
                 parts.push(format!("{word}: {}", names.join(" ")));

@@ -14,11 +14,13 @@ pub(super) struct Tally {
     differing: u64,
     first: u64,
     largest: f64,
+    one_sided: u64,
 }
 
 impl Tally {
     pub(super) fn new(name: impl Into<String>) -> Self {
-        Self { name: name.into(), tolerance: 0.0, unit: 1.0, differing: 0, first: 0, largest: 0.0 }
+        let largest = f64::NAN;
+        Self { name: name.into(), tolerance: 0.0, unit: 1.0, differing: 0, first: 0, largest, one_sided: 0 }
     }
 
     /// Compares the values of the points from `first` on, up to the end of the shorter block.
@@ -37,6 +39,7 @@ impl Tally {
                 a.type_name() != b.type_name() && x.to_bits() == y.to_bits() && whole(a, i, x) == whole(b, i, y);
             if !(close && self.tolerance > 0.0 || equal) {
                 self.note(first + i as u64, (x - y).abs());
+                self.one_sided += u64::from(x.is_finite() != y.is_finite());
             }
         }
     }
@@ -47,14 +50,15 @@ impl Tally {
         }
         self.differing += 1;
         if apart.is_finite() {
+            // `max` prefers a number to NaN.
             self.largest = self.largest.max(apart * self.unit);
         }
     }
 
     /// The result, if anything differs.
     pub(super) fn finish(self) -> Option<FieldDifference> {
-        let Self { name, differing, first, largest, .. } = self;
-        (differing > 0).then_some(FieldDifference { name, differing, first, largest })
+        let Self { name, differing, first, largest, one_sided, .. } = self;
+        (differing > 0).then_some(FieldDifference { name, differing, first, largest, one_sided })
     }
 }
 
@@ -113,6 +117,20 @@ mod tests {
         let large = 1u64 << 60;
         assert_eq!(tally(&Values::U64(vec![large, 2]), &Values::U64(vec![large + 1, 2])), Some((1, 10, 0.0)));
         assert_eq!(tally(&Values::U8(vec![1, 2, 9]), &Values::U8(vec![1, 5, 2])), Some((2, 11, 7.0)));
+    }
+
+    #[test]
+    fn a_number_differs_from_none() {
+        let told = |a: Vec<f32>, b: Vec<f32>| {
+            let mut tally = Tally::new("x");
+            tally.compare(&Values::F32(a), &Values::F32(b), 0);
+            let found = tally.finish().unwrap();
+            (found.differing, found.one_sided, found.largest)
+        };
+        let (differing, one_sided, largest) = told(vec![f32::NAN, 5.0], vec![2.0, f32::INFINITY]);
+        assert!((differing, one_sided) == (2, 2) && largest.is_nan(), "{largest}");
+        assert_eq!(told(vec![f32::NAN, 5.0, 1.0], vec![2.0, 8.0, 1.0]), (2, 1, 3.0));
+        assert_eq!(told(vec![f32::NAN, 0.0], vec![f32::INFINITY, 0.5]), (2, 0, 0.5));
     }
 
     #[test]
