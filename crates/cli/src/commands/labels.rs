@@ -92,7 +92,8 @@ impl<'a> LabelSource<'a> {
     pub(crate) fn picked(&self, path: &Path, context: &Context<'_>) -> Result<LabelFile> {
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         if ["csv", "txt", "tsv", "geojson", "json"].contains(&extension.as_str()) {
-            return Ok(LabelFile::read(path)?.changed(&self.params(path)?));
+            let params = self.params(path)?;
+            return Ok(LabelFile::read_mapped(path, &params.map)?.limited(&params));
         }
         let cloud = io::read_with(path, &context.read_options())?;
         let labels = self.read(path, &cloud, context)?;

@@ -1,6 +1,7 @@
 //! Tables of labels: positions with a class, or segments with a class.
 
 use super::open;
+use crate::classes::LabelMap;
 use crate::error::{Error, Result};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -42,17 +43,31 @@ enum Columns {
     Segments { id: usize, at: Option<[usize; 3]>, class: usize },
 }
 
+/// What the cells of a row mean.
+struct Meaning<'a> {
+    columns: Columns,
+    map: &'a LabelMap,
+}
+
 impl LabelTable {
-    /// Reads a text table, with or without a header. Columns are separated by semicolons, else by commas, else by blanks, as in the
-    /// first line. Between semicolons and blanks numbers may have decimal commas. Rows with an empty class are skipped, so that a
-    /// partly filled-in list can be used; `#` starts a comment.
+    /// Reads a table as [`LabelTable::read_mapped`], whose codes are 0 to 255.
     ///
     /// # Errors
     /// `path:line: what is wrong`.
     pub fn read(path: &Path) -> Result<Self> {
+        Self::read_mapped(path, &LabelMap::default())
+    }
+
+    /// Reads a text table, with or without a header. Columns are separated by semicolons, else by commas, else by blanks, as in the
+    /// first line. Between semicolons and blanks numbers may have decimal commas. Rows with an empty class are skipped, so that a
+    /// partly filled-in list can be used; `#` starts a comment. Codes become those of the map; above 255 they need an entry.
+    ///
+    /// # Errors
+    /// `path:line: what is wrong`.
+    pub fn read_mapped(path: &Path, map: &LabelMap) -> Result<Self> {
         let text = open::text(path, open::MOST_TABLE)?;
         let mut table = Self { path: path.to_path_buf(), ..Self::default() };
-        let mut columns = None;
+        let mut meaning = None;
         let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
         let rows = text.lines().map(str::trim).enumerate();
         let mut rows = rows.filter(|(_, row)| !row.is_empty() && !row.starts_with('#')).peekable();
@@ -60,8 +75,8 @@ impl LabelTable {
         for (line, row) in rows {
             let cells = cells(row, separator);
             let cells: Vec<&str> = cells.iter().map(|cell| &**cell).collect();
-            match &columns {
-                Some(columns) => table.take(line + 1, &cells, columns)?,
+            match &meaning {
+                Some(meaning) => table.take(line + 1, &cells, meaning)?,
                 None => {
                     let numbers = cells.iter().all(|c| c.parse::<f64>().is_ok());
                     let found = if numbers { by_count(cells.len()) } else { by_name(&cells) };
@@ -72,10 +87,11 @@ impl LabelTable {
                             "x,y,z,class or cluster_id,class",
                         )
                     })?;
+                    let found = Meaning { columns: found, map };
                     if numbers {
                         table.take(line + 1, &cells, &found)?;
                     }
-                    columns = Some(found);
+                    meaning = Some(found);
                 }
             }
         }
@@ -85,8 +101,8 @@ impl LabelTable {
         }
     }
 
-    fn take(&mut self, line: usize, cells: &[&str], columns: &Columns) -> Result<()> {
-        let (Columns::Positions { class, .. } | Columns::Segments { class, .. }) = *columns;
+    fn take(&mut self, line: usize, cells: &[&str], meaning: &Meaning<'_>) -> Result<()> {
+        let (Columns::Positions { class, .. } | Columns::Segments { class, .. }) = meaning.columns;
         let empty = |column: usize| cells.get(column).is_none_or(|c| c.is_empty());
         if empty(class) {
             return Ok(());
@@ -106,8 +122,10 @@ impl LabelTable {
         let place = |[x, y, z]: [usize; 3]| -> Result<[f64; 3]> {
             Ok([number(x, "a number")?, number(y, "a number")?, number(z, "a number")?])
         };
-        let code = whole(class, 255.0, "a class code, 0 to 255")? as u8;
-        match *columns {
+        let code = number(class, "a class code")?;
+        let allowed = "a class code, 0 to 255; larger ones need a --map";
+        let code = meaning.map.of_value(code).ok_or_else(|| self.wrong(line, code, allowed))?;
+        match meaning.columns {
             Columns::Positions { at, .. } => {
                 let of = place(at)?;
                 self.positions.push(LabelRow { line, of, code });
@@ -196,5 +214,16 @@ mod tests {
         assert_eq!(plain.positions.len(), 1);
         assert_eq!(read("\u{feff}cluster_id,class\n7,6\n").unwrap().segments.len(), 1);
         assert!(read("x;y;z;class\n1;2;3;2,5\n").unwrap_err().to_string().contains("0 to 255"));
+        for wrong in ["1004", "-1", "car", "1e300"] {
+            assert!(
+                read(&format!("x,y,z,class\n1,2,3,{wrong}\n")).unwrap_err().to_string().contains(":2: "),
+                "{wrong}"
+            );
+        }
+        let map = "1004=6,6=2".parse().unwrap();
+        std::fs::write(&path, "cluster_id,class\n7,1004\n8,6\n9,5\n").unwrap();
+        let codes: Vec<u8> =
+            LabelTable::read_mapped(&path, &map).unwrap().segments.iter().map(|row| row.code).collect();
+        assert_eq!(codes, [6, 2, 5]);
     }
 }

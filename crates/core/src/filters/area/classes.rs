@@ -1,6 +1,7 @@
 //! Polygons with a class each, from GeoJSON.
 
 use super::Area;
+use crate::classes::LabelMap;
 use crate::error::{Error, Result};
 use crate::io::open;
 use serde_json::{Map, Value, json};
@@ -20,17 +21,18 @@ pub struct ClassArea {
 
 impl ClassArea {
     /// Reads the features of a GeoJSON file whose property `class` (or `Class`, `Classification`, `code`) is a class code.
-    /// Features without a geometry or without a class are left out.
+    /// Features without a geometry or without a class are left out. Codes become those of the map; above 255 they need an
+    /// entry.
     ///
     /// # Errors
     /// If the file cannot be read, is no collection of features with polygons, a class is no code, or none has a class.
-    pub fn read(path: &Path) -> Result<Vec<Self>> {
+    pub fn read_mapped(path: &Path, map: &LabelMap) -> Result<Vec<Self>> {
         let text = open::text(path, open::MOST_TABLE)?;
-        areas(&text).map_err(|e| Error::input(format!("{}: {e}", path.display())))
+        areas(&text, map).map_err(|e| Error::input(format!("{}: {e}", path.display())))
     }
 }
 
-fn areas(text: &str) -> Result<Vec<ClassArea>> {
+fn areas(text: &str, map: &LabelMap) -> Result<Vec<ClassArea>> {
     let value: Value = serde_json::from_str(text).map_err(|e| Error::input(format!("GeoJSON: {e}")))?;
     let Some(features) = value.get("features").and_then(Value::as_array) else {
         return Err(Error::input("GeoJSON: found no features; expected a FeatureCollection of polygons with a class"));
@@ -40,8 +42,9 @@ fn areas(text: &str) -> Result<Vec<ClassArea>> {
         let geometry = feature.get("geometry").filter(|geometry| !geometry.is_null());
         let class = feature.get("properties").and_then(Value::as_object).and_then(class_of);
         let (Some(geometry), Some(class)) = (geometry, class) else { continue };
-        let code = code_of(class).ok_or_else(|| {
-            Error::input(format!("GeoJSON: feature {number}: found class {class}, expected a code 0..255"))
+        let code = value_of(class).and_then(|value| map.of_value(value)).ok_or_else(|| {
+            let expected = "a code 0..255; larger ones need a --map";
+            Error::input(format!("GeoJSON: feature {number}: found class {class}, expected {expected}"))
         })?;
         let alone = json!({ "type": "Feature", "crs": value.get("crs"), "geometry": geometry });
         let area = alone.to_string().parse().map_err(|e| Error::input(format!("feature {number}: {e}")))?;
@@ -60,10 +63,10 @@ fn class_of(properties: &Map<String, Value>) -> Option<&Value> {
 }
 
 /// A class code, as a number or as text.
-fn code_of(class: &Value) -> Option<u8> {
+fn value_of(class: &Value) -> Option<f64> {
     match class {
-        Value::String(text) => text.trim().parse().ok(),
-        _ => class.as_f64().filter(|code| code.fract() == 0.0 && (0.0..=255.0).contains(code)).map(|code| code as u8),
+        Value::String(text) => text.trim().parse::<u32>().ok().map(f64::from),
+        _ => class.as_f64(),
     }
 }
 
@@ -92,18 +95,22 @@ mod tests {
             ("null", SQUARE),
             (r#"{"class":2}"#, "null"),
         ]);
-        let found = areas(&text).unwrap();
+        let found = areas(&text, &LabelMap::default()).unwrap();
         assert_eq!(found.iter().map(|area| area.code).collect::<Vec<_>>(), [6, 5]);
         assert!(found.iter().all(|area| area.area.code == Some(2154) && area.area.holds([1.0, 1.0])));
     }
 
     #[test]
     fn what_is_wrong_is_told_with_the_feature() {
-        let message = |text: &str| areas(text).unwrap_err().to_string();
+        let message = |text: &str| areas(text, &LabelMap::default()).unwrap_err().to_string();
         assert!(message(SQUARE).contains("FeatureCollection"));
         assert!(message(&collection(&[(r#"{"name":"roof"}"#, SQUARE)])).contains("Classification"));
         let bad = collection(&[(r#"{"class":6}"#, SQUARE), (r#"{"class":6.5}"#, SQUARE)]);
         assert!(message(&bad).contains("feature 2: found class 6.5"), "{}", message(&bad));
+        let large = collection(&[(r#"{"class":1004}"#, SQUARE), (r#"{"class":"6"}"#, SQUARE)]);
+        assert!(message(&large).contains("feature 1: found class 1004"), "{}", message(&large));
+        let mapped = areas(&large, &"1004=6,6=2".parse().unwrap()).unwrap();
+        assert_eq!(mapped.iter().map(|area| area.code).collect::<Vec<_>>(), [6, 2]);
         let point = collection(&[(r#"{"class":6}"#, r#"{"type":"Point","coordinates":[0,0]}"#)]);
         assert!(message(&point).contains("feature 1"), "{}", message(&point));
     }

@@ -1,5 +1,6 @@
 //! Labels picked by hand, for the points of a cloud.
 
+use crate::classes::LabelMap;
 use crate::cloud::{Cloud, MetricCloud};
 use crate::error::{Error, Result};
 use crate::filters::ClassArea;
@@ -74,32 +75,40 @@ fn nearest_in(at: &[[f64; 3]], picked: &PickedCloud<'_>, monitor: &Monitor) -> R
 }
 
 impl LabelFile {
-    /// Reads a table ([`LabelTable::read`]) or, if the name ends in `.geojson` or `.json`, polygons ([`ClassArea::read`]).
+    /// Reads a file as [`LabelFile::read_mapped`], whose codes are 0 to 255.
     ///
     /// # Errors
     /// `path:line: what is wrong`.
     pub fn read(path: &Path) -> Result<Self> {
+        Self::read_mapped(path, &LabelMap::default())
+    }
+
+    /// Reads a table ([`LabelTable::read_mapped`]) or, if the name ends in `.geojson` or `.json`, polygons
+    /// ([`ClassArea::read_mapped`]), with the classes that the map gives them.
+    ///
+    /// # Errors
+    /// `path:line: what is wrong`.
+    pub fn read_mapped(path: &Path, map: &LabelMap) -> Result<Self> {
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         match ["geojson", "json"].contains(&extension.as_str()) {
             true => {
                 let table = LabelTable { path: path.to_path_buf(), ..LabelTable::default() };
-                Ok(Self { table, areas: ClassArea::read(path)? })
+                Ok(Self { table, areas: ClassArea::read_mapped(path, map)? })
             }
-            false => Ok(Self { table: LabelTable::read(path)?, areas: Vec::new() }),
+            false => Ok(Self { table: LabelTable::read_mapped(path, map)?, areas: Vec::new() }),
         }
     }
 
-    /// The same with the classes that the map of `params` gives them, without those that are unlabelled or not among its classes.
+    /// The labels without those that mean "unlabelled" or are not among the classes of `params`.
     #[must_use]
-    pub fn changed(mut self, params: &LabelParams) -> Self {
-        let change = |code: &mut u8| {
-            *code = params.map.apply(*code);
-            let known = params.classes.is_empty() || params.classes.contains(code);
-            known && !params.unlabelled.iter().flatten().any(|none| none == code)
+    pub fn limited(mut self, params: &LabelParams) -> Self {
+        let wanted = |code: u8| {
+            let known = params.classes.is_empty() || params.classes.contains(&code);
+            known && !params.unlabelled.iter().flatten().any(|&none| none == code)
         };
-        self.table.positions.retain_mut(|row| change(&mut row.code));
-        self.table.segments.retain_mut(|row| change(&mut row.code));
-        self.areas.retain_mut(|area| change(&mut area.code));
+        self.table.positions.retain(|row| wanted(row.code));
+        self.table.segments.retain(|row| wanted(row.code));
+        self.areas.retain(|area| wanted(area.code));
         self
     }
 
