@@ -446,6 +446,13 @@ fn what_is_replaced_is_told_and_the_file_knows_its_model() {
     assert!(out.contains("\"b.laz\",17,\"bridge deck\",300,"), "{out}");
     let kept = io::read(&f.join("b.laz")).unwrap().column("Classification").unwrap().values.to_f64();
     assert!((0..340).all(|i| kept[i] == f64::from(codes[i])));
+    assert!(!run("b.laz", &["--keep", "17", "--map", "5=4"]).1.contains("warning: --"));
+    let (_, err) = run("b.laz", &["--keep", "17,99", "--map", "99=4,5=3", "--map", "1004=6"]);
+    assert!(
+        err.contains("--keep 99: no point of the input") && err.contains("--map changes no point of 99, 1004"),
+        "{err}"
+    );
+    assert!(err.contains("the model's classes are 2 ground"), "{err}");
     let (_, err) = run("c.laz", &["--to", "PredictedClassification"]);
     assert!(!err.contains("replaced"), "{err}");
     let both = io::read(&f.join("c.laz")).unwrap();

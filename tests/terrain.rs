@@ -57,6 +57,34 @@ fn one_run_makes_all_products_for_any_number_of_threads() {
 }
 
 #[test]
+fn withheld_points_and_the_system_of_heights_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let mut cloud = houses();
+    let marks: Vec<u8> = (0..cloud.len()).map(|i| u8::from(cloud.xyz(i)[2] > 104.0)).collect();
+    let count = marks.iter().filter(|&&mark| mark > 0).count();
+    cloud.set_column(Column::new("Withheld", Values::U8(marks))).unwrap();
+    // NAVD88 in US survey feet; 5103 is a datum, which some files have there.
+    for (name, crs) in [("a.las", "EPSG:26910+6360"), ("b.npz", "EPSG:26910+5103")] {
+        cloud.crs = Some(crs.into());
+        io::write(&f.join(name), &cloud, &Default::default()).unwrap();
+    }
+    for products in [["-o", "a.tif"], ["--dsm", "a.asc"]] {
+        let found = scansion(f, &[&["terrain", "a.las", "--overwrite"], &products[..]].concat());
+        let told = text(&found.stderr);
+        assert!(told.contains(&format!("{count} withheld points are left out")), "{told}");
+    }
+    // What is higher than 4 m above the field was left out.
+    let surface = read_ascii_grid(&f.join("a.asc")).unwrap();
+    assert!(surface.values().iter().all(|z| z.is_nan() || *z <= 104.0));
+    assert!(done(f, &["info", "a.las"]).contains("EPSG:6360, unit 0.3048"));
+    let report: serde_json::Value = serde_json::from_str(&done(f, &["info", "b.npz", "--json"])).unwrap();
+    assert_eq!(report[0]["vertical"], serde_json::json!({"code": 5103, "metres_per_unit": null}));
+    let told = text(&scansion(f, &["terrain", "b.npz", "-o", "b.tif"]).stderr);
+    assert!(told.contains("EPSG:5103 is not in our table"), "{told}");
+}
+
+#[test]
 fn heights_are_added_and_nothing_else_changes() {
     let folder = tempfile::tempdir().unwrap();
     let f = folder.path();

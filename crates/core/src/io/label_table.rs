@@ -1,7 +1,6 @@
 //! Tables of labels: positions with a class, or segments with a class.
 
 use super::open;
-use crate::classes::LabelMap;
 use crate::error::{Error, Result};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -46,7 +45,8 @@ enum Columns {
 /// What the cells of a row mean.
 struct Meaning<'a> {
     columns: Columns,
-    map: &'a LabelMap,
+    /// The class code that a number stands for, if any.
+    code: &'a dyn Fn(f64) -> Option<u8>,
 }
 
 impl LabelTable {
@@ -55,16 +55,18 @@ impl LabelTable {
     /// # Errors
     /// `path:line: what is wrong`.
     pub fn read(path: &Path) -> Result<Self> {
-        Self::read_mapped(path, &LabelMap::default())
+        Self::read_mapped(path, &|value| {
+            ((0.0..=255.0).contains(&value) && value.fract().abs() <= 0.0).then_some(value as u8)
+        })
     }
 
     /// Reads a text table, with or without a header. Columns are separated by semicolons, else by commas, else by blanks, as in the
     /// first line. Between semicolons and blanks numbers may have decimal commas. Rows with an empty class are skipped, so that a
-    /// partly filled-in list can be used; `#` starts a comment. Codes become those of the map; above 255 they need an entry.
+    /// partly filled-in list can be used; `#` starts a comment. `code` is the class code that a number stands for.
     ///
     /// # Errors
     /// `path:line: what is wrong`.
-    pub fn read_mapped(path: &Path, map: &LabelMap) -> Result<Self> {
+    pub fn read_mapped(path: &Path, code: &dyn Fn(f64) -> Option<u8>) -> Result<Self> {
         let text = open::text(path, open::MOST_TABLE)?;
         let mut table = Self { path: path.to_path_buf(), ..Self::default() };
         let mut meaning = None;
@@ -87,7 +89,7 @@ impl LabelTable {
                             "x,y,z,class or cluster_id,class",
                         )
                     })?;
-                    let found = Meaning { columns: found, map };
+                    let found = Meaning { columns: found, code };
                     if numbers {
                         table.take(line + 1, &cells, &found)?;
                     }
@@ -122,9 +124,9 @@ impl LabelTable {
         let place = |[x, y, z]: [usize; 3]| -> Result<[f64; 3]> {
             Ok([number(x, "a number")?, number(y, "a number")?, number(z, "a number")?])
         };
-        let code = number(class, "a class code")?;
+        let value = number(class, "a class code")?;
         let allowed = "a class code, 0 to 255; larger ones need a --map";
-        let code = meaning.map.of_value(code).ok_or_else(|| self.wrong(line, code, allowed))?;
+        let code = (meaning.code)(value).ok_or_else(|| self.wrong(line, value, allowed))?;
         match meaning.columns {
             Columns::Positions { at, .. } => {
                 let of = place(at)?;
@@ -220,10 +222,10 @@ mod tests {
                 "{wrong}"
             );
         }
-        let map = "1004=6,6=2".parse().unwrap();
+        let map = |value: f64| Some(if value > 255.0 { 6 } else { value as u8 });
         std::fs::write(&path, "cluster_id,class\n7,1004\n8,6\n9,5\n").unwrap();
         let codes: Vec<u8> =
             LabelTable::read_mapped(&path, &map).unwrap().segments.iter().map(|row| row.code).collect();
-        assert_eq!(codes, [6, 2, 5]);
+        assert_eq!(codes, [6, 6, 5]);
     }
 }

@@ -95,7 +95,9 @@ impl LabelFile {
                 let table = LabelTable { path: path.to_path_buf(), ..LabelTable::default() };
                 Ok(Self { table, areas: ClassArea::read_mapped(path, map)? })
             }
-            false => Ok(Self { table: LabelTable::read_mapped(path, map)?, areas: Vec::new() }),
+            false => {
+                Ok(Self { table: LabelTable::read_mapped(path, &|value| map.of_value(value))?, areas: Vec::new() })
+            }
         }
     }
 
