@@ -261,3 +261,24 @@ def test_columns_do_not_have_names_of_coordinates():
     for name in ("X", "y", "Z"):
         with pytest.raises(ValueError, match=f"{name}: found the name of a coordinate"):
             scansion.PointCloud(np.eye(3), **{name: [1, 2, 3]})
+
+
+def test_folds_of_a_table_are_those_of_its_coordinates_and_its_unit():
+    pandas = pytest.importorskip("pandas")
+    random = np.random.default_rng(4)
+    # 0.001 metres per unit: squares of a metre are 1000 units wide.
+    xyz = random.uniform(0, 20_000, (600, 3))
+    cloud = scansion.PointCloud(xyz, metres_per_unit=0.001, Intensity=random.random(600))
+    folds = scansion.SpatialKFold(3, block=1.0)
+    expected = folds.folds(cloud)
+    squares = np.unique(np.floor(xyz[:, :2] / 1000), axis=0, return_inverse=True)[1].reshape(-1)
+    assert (np.unique(np.column_stack([squares, expected]), axis=0)[:, 0] == np.arange(squares.max() + 1)).all()
+    frame = cloud.to_pandas()
+    for order in (["X", "Y", "Z", "Intensity"], ["Intensity", "Z", "Y", "X"], ["Z", "X", "Y"]):
+        assert (folds.folds(frame[order]) == expected).all(), order
+    small = frame[["Intensity", "Z", "Y", "X"]].rename(columns=str.lower).assign(kind="text")
+    assert (folds.folds(small) == expected).all()
+    with pytest.raises(ValueError, match="expected the fields X, Y, Z or x, y, z"):
+        folds.folds(pandas.DataFrame(random.random((9, 4)), columns=list("abcd")))
+    wide = scansion.SpatialKFold(3, block=1000.0)
+    assert (wide.folds(np.column_stack([xyz, xyz])) == wide.folds(xyz)).all()

@@ -365,7 +365,7 @@ def as_cloud(points: Any, *, columns: list[str] | None = None) -> PointCloud:
         A structured array or a table needs the fields X, Y, Z (or x, y, z); its other fields become columns. A table that
         `PointCloud.to_pandas` made has the reference system, unit and class list of its cloud.
     columns : list of str, optional
-        Columns to read if ``points`` is a path; all by default.
+        Columns to read if ``points`` is a path; all by default. If empty, those of a table are left out too, which may be text.
     """
     if isinstance(points, PointCloud):
         return points
@@ -383,7 +383,7 @@ def as_cloud(points: Any, *, columns: list[str] | None = None) -> PointCloud:
             cloud = PointCloud(np.column_stack([unmasked(points[axis], axis, np.float64) for axis in axes]))
             ours = our_names(str(name) for name in fields)
             for name in fields:
-                if name not in axes:
+                if name not in axes and columns != []:
                     cloud._put(ours[str(name)], points[name])
             if table:
                 take_about(cloud, getattr(points, "attrs", {}).get(ATTRS))
