@@ -1,5 +1,6 @@
 """Module `recipes`: training on labelled clouds, and classification."""
 
+import json
 import pickle
 import subprocess
 import sys
@@ -120,6 +121,9 @@ def test_text_comes_back_as_text(kind, tmp_path):
     partly[::2] = None
     partly[1::10] = "unknown"
     half = kind(SETTINGS[kind], unlabelled=["unknown"], random_state=0).fit(xyz, partly)
+    half.save(tmp_path / "half.model")
+    again = kind.load(tmp_path / "half.model")
+    assert again.unlabelled == ["unknown"] and again.score(xyz, partly) == half.score(xyz, partly)
     assert half.classes_.tolist() == ["bush", "ground", "wall"]
     assert half.report_["unlabelled"] == (partly == None).sum() + (partly == "unknown").sum()  # noqa: E711
     with pytest.raises(ValueError, match="class_map"):
@@ -204,6 +208,35 @@ def test_a_model_survives_files_and_pickle(fitted, tmp_path):
         PointClassifier.load(tmp_path / "cut.model")
     with pytest.raises(FileNotFoundError):
         PointClassifier.load(tmp_path / "absent.model")
+
+
+def test_a_stored_model_scores_as_before(tmp_path):
+    base = pytest.importorskip("sklearn.base")
+    xyz, labels = street(0)
+    other, truth = street(1)
+    large = labels.astype(np.uint16) * 100
+    large[::5] = 77
+    for unlabelled in ([2], np.array([77, 9]), {77}, None):
+        codes = truth.astype(np.uint16) * 100
+        codes[::7] = 77
+        class_map = "200=2,500=6,600=6"
+        fitted = PointClassifier(RECIPE, class_map=class_map, unlabelled=unlabelled, random_state=1).fit(xyz, large)
+        fitted.save(tmp_path / "a.model")
+        loaded = PointClassifier.load(tmp_path / "a.model")
+        merged = np.select([codes == 200, codes == 77], [2, 77], 6)
+        known = ~np.isin(merged, [] if unlabelled is None else list(unlabelled))
+        accuracy = (fitted.predict(other) == merged)[known].mean()
+        for again in (fitted, loaded, pickle.loads(pickle.dumps(loaded))):
+            assert again.score(other, codes) == pytest.approx(accuracy)
+        assert loaded.class_map == class_map
+        assert (loaded.unlabelled is None) == (unlabelled is None)
+        assert base.clone(loaded).fit(xyz, large).codes_.tolist() == fitted.codes_.tolist()
+        # Python reads the file with safetensors' own layout: a length, a header of a multiple of 8 bytes, arrays.
+        file = (tmp_path / "a.model").read_bytes()
+        length = int.from_bytes(file[:8], "little")
+        assert length % 8 == 0 and "scansion" in json.loads(file[8 : 8 + length])["__metadata__"]
+        loaded.save(tmp_path / "b.model")
+        assert (tmp_path / "b.model").read_bytes() == file
 
 
 def test_results_repeat_for_any_number_of_threads(fitted):

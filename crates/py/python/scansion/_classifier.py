@@ -26,7 +26,7 @@ from scansion._labels import (
     signed,
     texts,
 )
-from scansion._model_file import has_text, mark_text
+from scansion._model_file import Notes, add_notes, notes
 from scansion._progress import Progress, following
 from scansion._settings import dotted_settings
 from scansion._settings import recipe as read_recipe
@@ -158,20 +158,25 @@ class PointClassifier(Classifier):
     def load(cls: type[Self], path: str | os.PathLike[str]) -> Self:
         """A classifier from a model file that ``save`` or ``scansion train`` wrote.
 
-        ``recipe`` is that of the model as TOML, so that a clone is fitted as the model was.
+        ``recipe`` is that of the model as TOML, and ``class_map`` and ``unlabelled`` are those that `save` found, so that scores
+        are the same and a clone is fitted as the model was. Models of ``scansion train`` have neither.
 
         Parameters
         ----------
         path : path
         """
         model = _core.Model.load(os.fspath(path))
-        loaded = cls(_without_weights(model.recipe()))._take(model)
-        if has_text(path):
+        noted = notes(path)
+        recipe = _without_weights(model.recipe())
+        loaded = cls(recipe, class_map=noted.class_map, unlabelled=noted.unlabelled)._take(model)
+        if noted.text:
             loaded.classes_ = np.array(loaded.class_names_)
         return loaded
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the model to a file, which ``scansion classify --model`` can use too. That the labels were text is kept.
+        """Writes the model to a file, which ``scansion classify --model`` can use too.
+
+        That the labels were text, ``class_map`` and ``unlabelled`` are kept for `load`.
 
         Parameters
         ----------
@@ -184,9 +189,9 @@ class PointClassifier(Classifier):
             If the file exists and is not a model.
         """
         self._check_is_fitted()
+        noted = Notes(self.classes_.dtype.kind == "U", self.class_map, self.unlabelled)
         self._model.save(os.fspath(path))
-        if self.classes_.dtype.kind == "U":
-            mark_text(path)
+        add_notes(path, noted)
 
     def fit(
         self: Self,
