@@ -118,3 +118,32 @@ def test_sets_forms_and_settings_that_are_wrong_are_refused():
         scansion.ClusterFeatures(settings={"grwth": 1.5}).fit_transform(xyz)
     with pytest.raises(ValueError, match="Red"):
         scansion.ClusterFeatures(colour=True).fit_transform(xyz)
+
+
+def test_cluster_features_have_the_parameters_of_an_estimator():
+    base = pytest.importorskip("sklearn.base")
+    from sklearn.exceptions import NotFittedError
+    from sklearn.utils import get_tags
+
+    maker = scansion.ClusterFeatures(set="a", settings={"seed": 3})
+    assert maker.get_params() == {
+        "set": "a",
+        "form": "rank",
+        "colour": False,
+        "settings": {"seed": 3},
+        "metres_per_unit": None,
+        "n_jobs": None,
+    }
+    with pytest.raises(NotFittedError, match="Call 'fit_transform'"):
+        maker.get_feature_names_out()
+    xyz = scene(400)
+    table = maker.fit_transform(xyz)
+    again = base.clone(maker)
+    assert again.get_params() == maker.get_params() and not hasattr(again, "feature_names_out_")
+    names = maker.get_feature_names_out()
+    assert names.dtype == object and names.tolist() == maker.feature_names_out_ and len(names) == table.shape[1]
+    assert again.set_params(form="descriptor").fit_transform(xyz).shape[1] == len(again.get_feature_names_out()) == 8
+    with pytest.raises(ValueError, match="Invalid parameter 'radius'.*Valid parameters are.*'settings'"):
+        maker.set_params(radius=3)
+    assert repr(maker) == "ClusterFeatures(set='a', settings={'seed': 3})"
+    assert get_tags(maker).transformer_tags is not None and not base.is_classifier(maker)

@@ -10,7 +10,7 @@ import inspect
 import sys
 from typing import Any, TypeVar
 
-Self = TypeVar("Self", bound="Classifier")
+Self = TypeVar("Self", bound="Estimator")
 
 
 class NotFittedError(ValueError, AttributeError):
@@ -35,8 +35,13 @@ def _short(value: Any) -> str:
     return repr(value)
 
 
-class Classifier:
-    """A classifier for scikit-learn's clone, grid search and pipelines. Parameters are the arguments of ``__init__``."""
+class Estimator:
+    """An estimator for scikit-learn's clone and grid search. Parameters are the arguments of ``__init__``."""
+
+    _fitted = ""
+    """An attribute that only fitted estimators have."""
+    _fits = "fit"
+    """The method that fits."""
 
     @classmethod
     def _parameter_names(cls) -> list[str]:
@@ -69,6 +74,23 @@ class Classifier:
         changed = ", ".join(f"{k}={_short(v)}" for k, v in given if repr(v) != repr(defaults[k]))
         return f"{type(self).__name__}({changed})"
 
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, self._fitted)
+
+    def _check_is_fitted(self) -> None:
+        if not self.__sklearn_is_fitted__():
+            name = type(self).__name__
+            raise from_sklearn(NotFittedError)(
+                f"This {name} instance is not fitted yet. Call {self._fits!r} with appropriate arguments before using this "
+                "estimator."
+            )
+
+
+class Classifier(Estimator):
+    """A classifier for scikit-learn's clone, grid search and pipelines."""
+
+    _fitted = "classes_"
+
     def __sklearn_tags__(self) -> Any:
         from sklearn.utils import ClassifierTags, Tags, TargetTags
 
@@ -79,14 +101,3 @@ class Classifier:
             transformer_tags=None,
             regressor_tags=None,
         )
-
-    def __sklearn_is_fitted__(self) -> bool:
-        return hasattr(self, "classes_")
-
-    def _check_is_fitted(self) -> None:
-        if not self.__sklearn_is_fitted__():
-            name = type(self).__name__
-            raise from_sklearn(NotFittedError)(
-                f"This {name} instance is not fitted yet. Call 'fit' with appropriate arguments before using this "
-                "estimator."
-            )

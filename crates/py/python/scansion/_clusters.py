@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from scansion import _core
 from scansion._arrays import choice, to_json
+from scansion._base import Estimator
 from scansion._cloud import as_cloud
 
 _COLOUR = ["Red", "Green", "Blue"]
@@ -124,8 +125,10 @@ def cluster_levels(
     return ClusterLevels(labels, centrality, Automatic(**report["automatic"]), report["counts"])
 
 
-class ClusterFeatures:
+class ClusterFeatures(Estimator):
     """Features of points from clusters and from spheres whose radius follows from the cloud.
+
+    It is not a step of scikit-learn's pipelines: clusters are those of one cloud, so that there is no ``transform`` of another.
 
     E. Grilli, F. Poux, F. Remondino, *Unsupervised object-based clustering in support of supervised point-based 3D point
     cloud classification*, ISPRS Archives XLIII-B2-2021, sets A, B and C of section 4.
@@ -167,6 +170,8 @@ class ClusterFeatures:
     >>> features.fit_transform(floor).shape, features.feature_names_out_[:5]
     ((3600, 17), ['ClusterL1', 'ClusterL2', 'ClusterL3', 'ClusterL4', 'Omnivariance_e1'])
     """
+
+    _fitted, _fits = "feature_names_out_", "fit_transform"
 
     feature_names_out_: list[str]
     automatic_: Automatic
@@ -219,3 +224,21 @@ class ClusterFeatures:
         self.automatic_ = Automatic(**report["automatic"])
         self.counts_ = report["counts"]
         return table
+
+    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
+        """Names of the columns of the last table, ``feature_names_out_`` as an array.
+
+        Parameters
+        ----------
+        input_features : object
+            Without effect.
+        """
+        self._check_is_fitted()
+        return np.array(self.feature_names_out_, dtype=object)
+
+    def __sklearn_tags__(self) -> Any:
+        from sklearn.utils import Tags, TargetTags, TransformerTags
+
+        return Tags(
+            estimator_type=None, target_tags=TargetTags(required=False), transformer_tags=TransformerTags(preserves_dtype=[])
+        )
