@@ -73,20 +73,28 @@ pub enum ClassWeight {
     None,
     /// Inversely proportional to the class's number of samples: n / (number of classes present x n of the class).
     Balanced,
-    /// One positive weight a class.
-    PerClass(Vec<f32>),
+    /// One weight a class, 1e-44 to 3e38.
+    PerClass(Vec<f64>),
 }
 
 impl ClassWeight {
     /// Checks the weights given.
     pub(super) fn validate(&self) -> Result<()> {
         match self {
-            Self::PerClass(weights) => match weights.iter().find(|w| !(w.is_finite() && **w > 0.0)) {
-                Some(w) => Err(Error::parameter("class_weight", w, "a finite number above 0")),
-                None => Ok(()),
-            },
+            Self::PerClass(weights) => weights.iter().try_for_each(|&w| single(w).map(|_| ())),
             _ => Ok(()),
         }
+    }
+}
+
+/// A weight as 32 bits hold it.
+///
+/// # Errors
+/// If it is not a number above 0 there, or infinite.
+pub(super) fn single(weight: f64) -> Result<f32> {
+    match weight as f32 {
+        rounded if rounded.is_finite() && rounded > 0.0 => Ok(rounded),
+        _ => Err(Error::parameter("class_weight", weight, "numbers (times the weights of samples) of 1e-44 to 3e38")),
     }
 }
 
@@ -243,7 +251,11 @@ mod tests {
         assert!(
             ForestParams { bootstrap: Bootstrap::WithoutReplacement(f64::NAN), ..default.clone() }.validate().is_err()
         );
-        assert!(ForestParams { max_features: MaxFeatures::Fraction(0.0), ..default }.validate().is_err());
+        assert!(ForestParams { max_features: MaxFeatures::Fraction(0.0), ..default.clone() }.validate().is_err());
+        for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-60, 1e60] {
+            let class_weight = ClassWeight::PerClass(vec![1.0, wrong]);
+            assert!(ForestParams { class_weight, ..default.clone() }.validate().is_err(), "{wrong}");
+        }
     }
 
     #[test]

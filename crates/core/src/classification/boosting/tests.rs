@@ -229,6 +229,18 @@ fn class_weights_are_weights_of_their_samples() {
 }
 
 #[test]
+fn weights_whose_products_vanish_are_refused() {
+    let data = blobs(100, 4, 2, 0.0);
+    let weights = vec![1e-30; 100];
+    let params = BoostingParams { class_weight: ClassWeight::PerClass(vec![1e-30, 1e-30]), ..quick() };
+    let tiny = Samples { weights: Some(&weights), ..data.samples() };
+    let found = Boosting::fit_with_report(&tiny, None, &params, &Monitor::default());
+    assert!(found.unwrap_err().to_string().contains("class_weight"));
+    let found = Boosting::fit_with_report(&data.samples(), Some(&tiny), &params, &Monitor::default());
+    assert!(found.unwrap_err().to_string().contains("class_weight"));
+}
+
+#[test]
 fn limits_of_leaves_depth_and_samples_hold() {
     let data = blobs(2000, 6, 3, 0.0);
     let params = BoostingParams { max_depth: Some(3), max_leaves: 64, ..quick() };

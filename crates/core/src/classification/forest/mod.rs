@@ -294,6 +294,10 @@ mod tests {
         assert_eq!(with(ClassWeight::None), [0.75, 0.25]);
         assert_eq!(with(ClassWeight::Balanced), [0.5, 0.5]);
         assert_eq!(with(ClassWeight::PerClass(vec![1.0, 9.0])), [0.25, 0.75]);
+        // Neither 0.1 nor 0.7 is a number of 32 bits.
+        let by_class = ClassWeight::PerClass(vec![0.1, 0.7]);
+        let weights = growing::weights(&samples, &[0, 1, 2, 3], &by_class).unwrap();
+        assert_eq!(weights.unwrap(), [0.1, 0.1, 0.1, 0.7]);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use crate::classification::boosting::growing::histogram::MAX_ROWS;
 use crate::classification::boosting::params::BoostingParams;
 use crate::classification::forest::growing::weights;
-use crate::classification::params::ClassWeight;
+use crate::classification::params::{ClassWeight, single};
 use crate::classification::samples::Samples;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
@@ -41,9 +41,9 @@ impl TrainingRows {
             return Err(Error::input(format!("{total} samples; boosting takes at most {MAX_ROWS}")));
         }
         let mut loss_weights = vec![0.0f32; samples.len()];
-        match weights(samples, &active, &params.class_weight)? {
-            Some(weights) => active.iter().zip(weights).for_each(|(&r, w)| loss_weights[r as usize] = w as f32),
-            None => active.iter().for_each(|&r| loss_weights[r as usize] = 1.0),
+        let weights = weights(samples, &active, &params.class_weight)?;
+        for (i, &row) in active.iter().enumerate() {
+            loss_weights[row as usize] = weights.as_ref().map_or(Ok(1.0), |weights| single(weights[i]))?;
         }
         monitor.check()?;
         let mut rows = Self {
@@ -78,8 +78,11 @@ impl TrainingRows {
         self.validation = validation.active().iter().map(|r| first + r).collect();
         self.labels.extend_from_slice(validation.labels);
         self.weights.resize(self.labels.len(), 0.0);
-        let weigh = |i| validation.weight(i) as f32 * by_class[usize::from(validation.labels[i])];
-        self.loss_weights.extend((0..validation.len()).map(weigh));
+        self.loss_weights.resize(self.labels.len(), 0.0);
+        for row in validation.active() {
+            let weight = validation.weight(row as usize) * by_class[usize::from(validation.labels[row as usize])];
+            self.loss_weights[(first + row) as usize] = single(weight)?;
+        }
         Ok(())
     }
 

@@ -193,9 +193,7 @@ pub(in crate::classification) fn weights(
             let present = counts.iter().filter(|&&c| c > 0.0).count() as f64;
             counts.iter().map(|&c| active.len() as f64 / (present * c.max(1.0))).collect()
         }
-        ClassWeight::PerClass(weights) if weights.len() == samples.classes => {
-            weights.iter().map(|&w| f64::from(w)).collect()
-        }
+        ClassWeight::PerClass(weights) if weights.len() == samples.classes => weights.clone(),
         ClassWeight::PerClass(weights) => {
             return Err(Error::parameter("class_weight", weights.len(), format!("{} weights", samples.classes)));
         }
