@@ -4,7 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
-from scansion import BaggingClassifier, GradientBoostingClassifier
+from scansion import BaggingClassifier, GradientBoostingClassifier, RandomForestClassifier
 from sklearn.base import clone, is_classifier
 from sklearn.datasets import load_breast_cancer, load_digits, load_iris, load_wine
 from sklearn.ensemble import BaggingClassifier as BaggingPeer
@@ -101,6 +101,96 @@ def test_bagging_tells_its_out_of_bag_accuracy():
     assert not hasattr(BaggingClassifier(5).fit(X, y), "oob_score_")
 
 
+@pytest.mark.parametrize("make", [BaggingClassifier, RandomForestClassifier])
+@pytest.mark.filterwarnings("ignore:oob_score")
+def test_out_of_bag_accuracy_without_samples_to_judge_is_nan(make):
+    # One sample is drawn by every tree.
+    trees = make(3, oob_score=True).fit([[0.0]], ["only"])
+    assert np.isnan(trees.oob_score_)
+    assert not hasattr(trees.set_params(oob_score=False).fit([[0.0]], ["only"]), "oob_score_")
+
+
+@pytest.mark.parametrize("make", [BaggingClassifier, RandomForestClassifier])
+def test_samples_that_no_tree_left_out_are_warned_of(make):
+    X, y = load_iris(return_X_y=True)
+    # A tree leaves out about 37 %: of 150 samples, one tree has judged some and not others.
+    with pytest.warns(UserWarning, match="oob_score: .* of 150 samples"):
+        one = make(1, oob_score=True).fit(X, y)
+    assert 0.7 < one.oob_score_ <= 1
+
+
+def test_a_count_of_features_is_a_count():
+    random = np.random.default_rng(0)
+    X = random.normal(size=(400, 6))
+    y = X[:, 3] > 0
+    used = []
+    for wanted in (1, 2, 6, 99, None, 1.0, 0.5, np.int64(1)):
+        trees = GradientBoostingClassifier(1, max_features=wanted, max_leaf_nodes=64, min_samples_leaf=1, min_child_weight=0)
+        noisy = np.where(random.random(400) < 0.3, ~y, y)
+        used.append(np.count_nonzero(trees.fit(X, noisy).feature_importances_))
+    assert used == [1, 2, 6, 6, 6, 6, 3, 1]
+
+
+def test_logarithms_of_probabilities_are_those_of_numpy():
+    X, y = load_iris(return_X_y=True)
+    for trees in (GradientBoostingClassifier(3), BaggingClassifier(3), RandomForestClassifier(3)):
+        probabilities = trees.fit(X, y).predict_proba(X)
+        with np.errstate(divide="ignore"):
+            np.testing.assert_array_equal(trees.predict_log_proba(X), np.log(probabilities))
+
+
+def test_weights_that_hold_boosting_back_are_warned_of(recwarn):
+    X, y = load_iris(return_X_y=True)
+    for total in (1.0, 1e-9):
+        with pytest.warns(UserWarning, match="150 samples sum to .*weights of mean 1"):
+            GradientBoostingClassifier(2).fit(X, y, sample_weight=np.full(150, total / 150))
+    with pytest.warns(UserWarning, match="sum to"):
+        GradientBoostingClassifier(2, class_weight={0: 1e-5, 1: 1e-5, 2: 1e-5}).fit(X, y)
+    recwarn.clear()
+    for weights in (None, np.ones(150), (np.arange(150) % 50 < 3).astype(float), np.full(150, 1e6)):
+        GradientBoostingClassifier(2).fit(X, y, sample_weight=weights)
+    GradientBoostingClassifier(2, l2_regularization=0).fit(X, y, sample_weight=np.full(150, 1 / 150))
+    assert not recwarn.list
+
+
+def test_weights_of_scores_are_those_of_numpy_and_finite():
+    X, y = load_iris(return_X_y=True)
+    trees = GradientBoostingClassifier(1, max_leaf_nodes=2).fit(X, y)
+    weights = np.random.default_rng(0).random(150)
+    expected = weights[trees.predict(X) == y].sum() / weights.sum()
+    assert trees.score(X, y, sample_weight=weights) == pytest.approx(expected)
+    for wrong, message in [
+        (np.where(np.arange(150) == 7, np.nan, 1.0), "sample_weight contains NaN at index 7"),
+        (np.where(np.arange(150) == 7, np.inf, 1.0), "sample_weight contains infinity"),
+        (np.zeros(150), "non-zero"),
+        (-weights, "Negative"),
+        (weights[1:], "sample_weight"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            trees.score(X, y, sample_weight=wrong)
+
+
+@pytest.mark.parametrize("make", [GradientBoostingClassifier, BaggingClassifier, RandomForestClassifier])
+def test_messages_name_what_was_given(make):
+    X, y = load_iris(return_X_y=True)
+    for wrong in (np.nan, 0, -1, np.inf, "a", 1e60, True):
+        with pytest.raises(ValueError, match="class_weight: found .* for the label 2, expected a number above 0"):
+            make(class_weight={2: wrong}).fit(X, y)
+    with pytest.raises(ValueError, match="n_estimators: found 10001, expected a whole number in 1..10000"):
+        make(n_estimators=10_001).fit(X, y)
+    X[3, 1] = np.inf
+    with pytest.raises(ValueError, match="X contains infinity .* at row 3, column 1"):
+        make().fit(X, y)
+
+
+@pytest.mark.parametrize("name", ["subsample", "max_features", "learning_rate"])
+def test_shares_of_nothing_are_refused_by_name(name):
+    X, y = load_iris(return_X_y=True)
+    for wrong in (0, 0.0, -0.5, 1.5, "a", np.nan):
+        with pytest.raises(ValueError, match=f"^{name}: found"):
+            GradientBoostingClassifier(**{name: wrong}).fit(X, y)
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -111,6 +201,7 @@ def test_bagging_tells_its_out_of_bag_accuracy():
         {"subsample": 0.0},
         {"max_bins": 300},
         {"l2_regularization": -1},
+        {"l2_regularization": np.inf},
         {"n_iter_no_change": 0},
         {"class_weight": {"x": 1}},
     ],

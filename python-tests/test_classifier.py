@@ -150,6 +150,32 @@ def test_rare_classes_are_warned_of():
     assert kept.classes_.tolist() == [2, 5, 6, 9]
 
 
+def test_warnings_and_reports_name_labels_that_are_text():
+    xyz, labels = street(0)
+    names = np.array(["", "", "ground", "", "", "bush", "wall"], dtype=object)[labels]
+    names[:3] = "rare thing"
+    with pytest.warns(UserWarning, match="rare thing.*left out"):
+        fitted = PointClassifier(RECIPE).fit(xyz, names)
+    counts = {row["name"]: row["points"] for row in fitted.report_["classes"]}
+    assert counts == {name: (names == name).sum() for name in ("bush", "ground", "rare thing", "wall")}
+
+
+def test_recipes_without_weights_refuse_those_of_points(labelled):
+    weights = np.ones(len(labelled))
+    for model in (WeakClassifier(), ObjectClassifier(), PointClassifier("weak"), PointClassifier({"recipe": "objects"})):
+        with pytest.raises(ValueError, match="sample_weight: found weights, expected None"):
+            model.fit(labelled, sample_weight=weights)
+    with pytest.raises(ValueError, match="treees"):
+        PointClassifier({"forest.treees": 7}).fit(labelled, sample_weight=weights)
+
+
+def test_logarithms_of_probabilities_are_those_of_numpy(fitted):
+    xyz, _ = street(1)
+    with np.errstate(divide="ignore"):
+        expected = np.log(fitted.predict_proba(xyz))
+    np.testing.assert_array_equal(fitted.predict_log_proba(xyz), expected)
+
+
 def test_one_class_is_refused(labelled):
     for kind in (PointClassifier, WeakClassifier, ObjectClassifier):
         with pytest.raises(ValueError, match="only one class"):

@@ -9,7 +9,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use scansion_core::classification::{
-    BaggingParams, Boosting as CoreBoosting, BoostingParams, Forest as CoreForest, ForestParams, Importance,
+    BaggingParams, Boosting as CoreBoosting, BoostingParams, FitReport, Forest as CoreForest, ForestParams, Importance,
     PermutationParams, Predictor, Samples, permutation_importance as core_importance,
 };
 use scansion_core::parallel::Monitor;
@@ -133,13 +133,27 @@ fn fit_trees(
     params: &ForestParams,
     (oob_score, n_jobs): (bool, Option<i64>),
 ) -> PyResult<(Forest, Option<f64>)> {
-    let fit = |monitor: &_| match oob_score {
-        true => {
-            CoreForest::fit_with_report(samples, params, monitor).map(|(forest, report)| (forest, report.oob_score))
+    let fit = |monitor: &Monitor| {
+        if !oob_score {
+            return CoreForest::fit(samples, params, monitor).map(|forest| (forest, None));
         }
-        false => CoreForest::fit(samples, params, monitor).map(|forest| (forest, None)),
+        let (forest, report) = CoreForest::fit_with_report(samples, params, monitor)?;
+        warn_of_unjudged(samples, &report, monitor);
+        Ok((forest, report.oob_score))
     };
     call(py, n_jobs, fit).map(|(inner, score)| (Forest { inner }, score))
+}
+
+/// Warns of samples that every tree was trained on.
+fn warn_of_unjudged(samples: &Samples<'_>, report: &FitReport, monitor: &Monitor) {
+    let rows = report.oob_probabilities.chunks_exact(samples.classes.max(1)).enumerate();
+    let unjudged = rows.filter(|(i, row)| samples.weight(*i) > 0.0 && row.iter().any(|p| p.is_nan())).count();
+    if unjudged > 0 {
+        monitor.warn(format!(
+            "oob_score: {unjudged} of {} samples were not left out by any tree and do not count; more trees leave out all",
+            samples.active().len()
+        ));
+    }
 }
 
 /// The methods of a class of trees.

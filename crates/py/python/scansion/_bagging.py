@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scansion import _core
 from scansion._importance import ForestClassifier
-from scansion._settings import class_weight, seed, share, whole
+from scansion._settings import MOST_TREES, class_weight, seed, share, whole
 from scansion._table import TrainingData
 
 
@@ -54,7 +54,7 @@ class BaggingClassifier(ForestClassifier):
     feature_importances_ : array of shape (n_features,)
         Mean decrease of impurity, summing to 1 (all 0 if no tree has a split).
     oob_score_ : float
-        Only with ``oob_score=True``.
+        Only with ``oob_score=True``. Samples that no tree left out do not count, with a warning; NaN if there are no others.
 
     Examples
     --------
@@ -97,14 +97,14 @@ class BaggingClassifier(ForestClassifier):
         params = json.dumps(self._settings(data.classes))
         trees, oob = _core.fit_bagging(*data.samples, params, bool(self.oob_score), self.n_jobs)
         self.__dict__.pop("oob_score_", None)
-        if oob is not None:
-            self.oob_score_ = oob
+        if self.oob_score:
+            self.oob_score_ = np.nan if oob is None else oob
         return trees
 
     def _settings(self, classes: NDArray[Any]) -> dict[str, Any]:
         """The parameters under the core's names."""
         return {
-            "trees": whole(self.n_estimators, "n_estimators"),
+            "trees": whole(self.n_estimators, "n_estimators", 1, MOST_TREES),
             "max_depth": 0 if self.max_depth is None else whole(self.max_depth, "max_depth"),
             "min_samples_split": whole(self.min_samples_split, "min_samples_split"),
             "min_samples_leaf": whole(self.min_samples_leaf, "min_samples_leaf"),

@@ -10,6 +10,9 @@ import inspect
 import sys
 from typing import Any, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 Self = TypeVar("Self", bound="Estimator")
 
 
@@ -33,6 +36,13 @@ def _short(value: Any) -> str:
     if isinstance(value, str) and "\n" in value:
         return f"{value.splitlines()[0] + '...'!r}"
     return repr(value)
+
+
+def logarithms(probabilities: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Natural logarithms; minus infinity of 0."""
+    with np.errstate(divide="ignore"):
+        found: NDArray[np.float32] = np.log(probabilities)
+    return found
 
 
 class Estimator:

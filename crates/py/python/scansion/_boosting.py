@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import warnings
 from collections.abc import Mapping
 from typing import Any, Literal
 
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._settings import class_weight, seed, share, whole
+from scansion._settings import MOST_TREES, class_weight, fraction, seed, share, whole
 from scansion._table import TableClassifier, TrainingData
 
 
@@ -44,8 +45,9 @@ class GradientBoostingClassifier(TableClassifier):
         Share of the samples that each tree is trained on.
     subsample_freq : int
         Number of rounds between two draws of these samples.
-    max_features : float
-        Share of the features that each tree is trained on.
+    max_features : int, float or None
+        Number of features that each tree is trained on: a count, a share (so that 1 is one feature and 1.0 are all), or all
+        (None).
     n_iter_no_change : int, optional
         Stop after this many rounds without a lower loss on held-out samples, and keep the best round; never by default.
     validation_fraction : float
@@ -104,7 +106,7 @@ class GradientBoostingClassifier(TableClassifier):
         min_split_gain: float = 0.0,
         subsample: float = 1.0,
         subsample_freq: int = 1,
-        max_features: float = 1.0,
+        max_features: int | float | None = 1.0,
         n_iter_no_change: int | None = None,
         validation_fraction: float = 0.1,
         max_bins: int = 255,
@@ -131,31 +133,61 @@ class GradientBoostingClassifier(TableClassifier):
         self.n_jobs = n_jobs
 
     def _learn(self, data: TrainingData) -> Any:
-        params = json.dumps(self._settings(data.classes))
+        settings = self._settings(data)
+        _warn_of_little(data, settings)
+        params = json.dumps(settings)
         trees, training, validation, rounds = _core.fit_boosting(*data.samples, params, self.n_jobs)
         self.train_score_, self.validation_score_, self.n_estimators_ = training, validation, rounds
         return trees
 
-    def _settings(self, classes: NDArray[Any]) -> dict[str, Any]:
+    def _settings(self, data: TrainingData) -> dict[str, Any]:
         """The parameters under the core's names."""
         most = (0, math.inf)
         return {
-            "rounds": whole(self.n_estimators, "n_estimators"),
-            "learning_rate": share(self.learning_rate, "learning_rate"),
-            "max_leaves": whole(self.max_leaf_nodes, "max_leaf_nodes", 2),
+            "rounds": whole(self.n_estimators, "n_estimators", 1, MOST_TREES),
+            "learning_rate": fraction(self.learning_rate, "learning_rate"),
+            "max_leaves": whole(self.max_leaf_nodes, "max_leaf_nodes", 2, 65_535),
             "max_depth": 0 if self.max_depth is None else whole(self.max_depth, "max_depth"),
             "min_samples_leaf": whole(self.min_samples_leaf, "min_samples_leaf"),
             "min_child_weight": share(self.min_child_weight, "min_child_weight", most),
             "lambda": share(self.l2_regularization, "l2_regularization", most),
             "min_gain": share(self.min_split_gain, "min_split_gain", most),
-            "row_fraction": share(self.subsample, "subsample"),
+            "row_fraction": fraction(self.subsample, "subsample"),
             "row_rounds": whole(self.subsample_freq, "subsample_freq"),
-            "column_fraction": share(self.max_features, "max_features"),
+            "column_fraction": _share_of_features(self.max_features, data.samples[0].shape[1]),
             "early_stopping": 0
             if self.n_iter_no_change is None
             else whole(self.n_iter_no_change, "n_iter_no_change"),
             "validation_fraction": share(self.validation_fraction, "validation_fraction"),
-            "class_weight": class_weight(self.class_weight, classes),
+            "class_weight": class_weight(self.class_weight, data.classes),
             "max_bins": whole(self.max_bins, "max_bins"),
             "seed": seed(self.random_state),
         }
+
+
+def _share_of_features(value: Any, width: int) -> float:
+    if value is None:
+        return 1.0
+    if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
+        count = whole(value, "max_features")
+        return min(count, width) / width
+    if not isinstance(value, (float, np.floating)) or not 0 < value <= 1:
+        raise ValueError(f"max_features: found {value!r}, expected a count, a share above 0, at most 1, or None")
+    return float(value)
+
+
+def _warn_of_little(data: TrainingData, settings: dict[str, Any]) -> None:
+    """Warns of weights whose sum is small beside the limits that they are compared with, so that trees hardly learn."""
+    _, places, weights, count = data.samples
+    of_class = settings["class_weight"]
+    factors = np.array(of_class["per_class"]) if isinstance(of_class, dict) else np.ones(count)
+    total = float(np.bincount(places, weights, count) @ factors)
+    rows = len(places) if weights is None else np.count_nonzero(weights)
+    # A sample of weight 1 has a second derivative of at most a quarter, and a split needs two sides.
+    limit = max(settings["lambda"], 8 * settings["min_child_weight"])
+    if total < 0.1 * rows and total < 10 * limit:
+        warnings.warn(
+            f"the weights of {rows} samples sum to {total:.3g}, which is little beside l2_regularization and "
+            "min_child_weight, so that the trees hardly learn; weights of mean 1 avoid this",
+            stacklevel=4,
+        )

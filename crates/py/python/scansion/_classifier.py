@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
 from scansion._arrays import column
-from scansion._base import Classifier
+from scansion._base import Classifier, logarithms
 from scansion._cloud import PointCloud, as_cloud
 from scansion._labels import (
     check_kind,
@@ -34,6 +34,8 @@ from scansion._settings import seed
 
 LABELS = "Classification"
 WEIGHT = "SampleWeight"
+_WEIGHING = f'training.weight="{WEIGHT}"'
+"""The setting of recipes that learn from weights of points."""
 
 Self = TypeVar("Self", bound="PointClassifier")
 
@@ -230,10 +232,10 @@ class PointClassifier(Classifier):
         clouds, given = _listed_clouds(clouds, labels)
         given, names, unlabelled = self._known(given)
         if weights is not None:
-            settings = [*settings, f'training.weight="{WEIGHT}"']
+            settings = [*settings, _WEIGHING]
             clouds = [_weighted(cloud, w) for cloud, w in zip(clouds, weights, strict=True)]
-        wanted = _core.recipe_columns(recipe, settings)
-        reading = Reading(wanted, self.class_map, listed=self.unlabelled is None, text=bool(names))
+        wanted = _columns(recipe, settings)
+        reading = Reading(wanted, self.class_map, listed=self.unlabelled is None, names=names)
         prepared = [_labelled(cloud, y, reading) for cloud, y in zip(clouds, given, strict=True)]
         with following(progress):
             model, report = _core.Model.train(
@@ -408,6 +410,18 @@ class PointClassifier(Classifier):
         assert found is not None
         return found
 
+    def predict_log_proba(
+        self, cloud: Any, *, regularize: str | None = None, progress: Progress = None
+    ) -> NDArray[np.float32]:
+        """Natural logarithm of `predict_proba`; minus infinity for a probability of 0.
+
+        Parameters
+        ----------
+        cloud, regularize, progress
+            As in `predict_proba`.
+        """
+        return logarithms(self.predict_proba(cloud, regularize=regularize, progress=progress))
+
     def score(self, clouds: Any, labels: Any = None, *, regularize: str | None = None) -> float:
         """Accuracy: share of the labelled points that are classified correctly, 0..1.
 
@@ -483,6 +497,18 @@ def _without_weights(recipe: str) -> str:
     return recipe.replace(f'weight = "{WEIGHT}"', 'weight = "none"')
 
 
+def _columns(recipe: str, settings: list[str]) -> list[str]:
+    """Columns that a recipe needs; weights of points are refused if it does not learn from them."""
+    try:
+        return _core.recipe_columns(recipe, settings)
+    except ValueError:
+        if _WEIGHING not in settings:
+            raise
+        # Whatever else is wrong with the recipe is said first.
+        _core.recipe_columns(recipe, [setting for setting in settings if setting != _WEIGHING])
+    raise ValueError("sample_weight: found weights, expected None: this recipe does not learn from weights of points")
+
+
 def _path(path: str | os.PathLike[str] | None) -> str | None:
     return None if path is None else os.fspath(path)
 
@@ -505,8 +531,8 @@ class Reading(NamedTuple):
     class_map: str
     listed: bool
     """Whether the class list of a cloud says which codes are unlabelled."""
-    text: bool = False
-    """Whether the codes stand for text, so that no class list has them."""
+    names: Sequence[str] = ()
+    """What the codes from 0 on stand for if the labels are text, so that no class list has them."""
 
 
 def labelled_clouds(clouds: Any, labels: Any, reading: Reading) -> list[PointCloud]:
@@ -535,11 +561,12 @@ def _labelled(cloud: Any, labels: Any, reading: Reading) -> PointCloud:
         labels = points[LABELS]  # The column has another spelling.
     if labels is not None:
         labels = numbers(labels, "labels")
-        if reading.listed and not reading.text:
+        if reading.listed and not reading.names:
             _warn_of_unlabelled(points, labels, reading.class_map)
         points = points.copy()
         points._put(LABELS, column(labels, "labels", len(points)))
-        points.scheme = "own" if reading.text else points.scheme
+        if reading.names:
+            points.scheme, points.class_names = "own", dict(enumerate(reading.names))
     if LABELS in points:
         signed(points[LABELS], "labels", None, (), reading.class_map)  # Its errors are in words of Python.
     return points

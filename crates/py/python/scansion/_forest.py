@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scansion import _core
 from scansion._arrays import choice
 from scansion._importance import ForestClassifier
-from scansion._settings import class_weight, seed, share, whole
+from scansion._settings import MOST_TREES, class_weight, seed, share, whole
 from scansion._table import TrainingData
 
 BAG = 0.632
@@ -66,7 +66,7 @@ class RandomForestClassifier(ForestClassifier):
     feature_importances_ : array of shape (n_features,)
         Mean decrease of impurity, summing to 1 (all 0 if no tree has a split).
     oob_score_ : float
-        Only with ``oob_score=True``.
+        Only with ``oob_score=True``. Samples that no tree left out do not count, with a warning; NaN if there are no others.
 
     Examples
     --------
@@ -118,8 +118,8 @@ class RandomForestClassifier(ForestClassifier):
         asked = bool(self.oob_score and self.bootstrap)
         forest, oob = _core.fit_forest(*data.samples, params, asked, self.n_jobs)
         self.__dict__.pop("oob_score_", None)
-        if oob is not None:
-            self.oob_score_ = oob
+        if asked:
+            self.oob_score_ = np.nan if oob is None else oob
         return forest
 
     def _settings(self, classes: NDArray[Any]) -> dict[str, Any]:
@@ -131,7 +131,7 @@ class RandomForestClassifier(ForestClassifier):
                 "oob_score: found True, expected False without bootstrap (every tree sees every sample)"
             )
         return {
-            "trees": whole(self.n_estimators, "n_estimators"),
+            "trees": whole(self.n_estimators, "n_estimators", 1, MOST_TREES),
             "max_depth": 0 if self.max_depth is None else whole(self.max_depth, "max_depth"),
             "trainer": self.trainer,
             "criterion": self.criterion,
@@ -149,11 +149,11 @@ class RandomForestClassifier(ForestClassifier):
 def _max_features(value: Any) -> Any:
     if value is None:
         return "all"
-    if value in ("sqrt", "log2"):
+    if isinstance(value, str) and value in ("sqrt", "log2"):
         return value
-    if isinstance(value, (int, np.integer)) and value > 0:
+    if isinstance(value, (int, np.integer)) and not isinstance(value, bool) and value > 0:
         return {"count": int(value)}
-    if isinstance(value, (int, float, np.floating)) and 0 < value <= 1:
+    if isinstance(value, (float, np.floating)) and 0 < value <= 1:
         return {"fraction": float(value)}
     raise ValueError(
         f"max_features: found {value!r}, expected 'sqrt', 'log2', a count, a share in 0..1 or None"

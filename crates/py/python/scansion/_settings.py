@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 from scansion import _core
 
+MOST_TREES = 10_000
+"""Largest number of trees of a forest, and of rounds of boosting."""
+
 
 def recipe(given: Any) -> tuple[str, list[str]]:
     """The TOML of a recipe and the settings on top of it, from a path, a text, a name, a mapping of dotted keys, or None."""
@@ -110,14 +113,16 @@ def seed(random_state: Any) -> int:
     )
 
 
-def whole(value: Any, name: str, low: int = 1) -> int:
-    """An integer, at least ``low``. As in arrays of codes, a float without fraction is a whole number.
+def whole(value: Any, name: str, low: int = 1, high: int | None = None) -> int:
+    """An integer from ``low`` to ``high``. As in arrays of codes, a float without fraction is a whole number.
 
     >>> whole(np.float64(20.0), "k_min")
     20
     """
-    if isinstance(value, bool) or not _is_whole(value) or value < low:
-        raise ValueError(f"{name}: found {value!r}, expected a whole number, {low} or more")
+    wrong = isinstance(value, (bool, np.bool_)) or not _is_whole(value)
+    if wrong or value < low or (high is not None and value > high):
+        expected = f"a whole number, {low} or more" if high is None else f"a whole number in {low}..{high}"
+        raise ValueError(f"{name}: found {value!r}, expected {expected}")
     return int(value)
 
 
@@ -130,9 +135,17 @@ def _is_whole(value: Any) -> bool:
 def share(value: Any, name: str, limits: tuple[float, float] = (0, 1)) -> float:
     """A number between two limits, both included."""
     low, high = limits
-    if not isinstance(value, (int, float, np.integer, np.floating)) or not low <= value <= high:
+    number = isinstance(value, (int, float, np.integer, np.floating)) and np.isfinite(value)
+    if not number or not low <= value <= high:
         kind = f"a share in {low}..{high}" if high < np.inf else f"a finite number, {low} or more"
         raise ValueError(f"{name}: found {value!r}, expected {kind}")
+    return float(value)
+
+
+def fraction(value: Any, name: str) -> float:
+    """A share above 0, at most 1."""
+    if not isinstance(value, (int, float, np.integer, np.floating)) or not 0 < value <= 1:
+        raise ValueError(f"{name}: found {value!r}, expected a number above 0, at most 1")
     return float(value)
 
 
@@ -150,4 +163,16 @@ def class_weight(value: Any, classes: NDArray[Any]) -> Any:
     unknown = [label for label in value if label not in known]
     if unknown:
         raise ValueError(f"class_weight: the labels {unknown} are not in y")
-    return {"per_class": [float(value.get(label, 1.0)) for label in known]}
+    return {"per_class": [_weight_of(label, value.get(label, 1.0)) for label in known]}
+
+
+_LEAST, _LARGEST = 1e-44, 3e38
+"""Limits of class weights, which are those of numbers of 32 bits."""
+
+
+def _weight_of(label: Any, weight: Any) -> float:
+    number = isinstance(weight, (int, float, np.integer, np.floating)) and not isinstance(weight, bool)
+    if not number or not _LEAST <= weight <= _LARGEST:
+        expected = f"a number above 0 ({_LEAST:g} to {_LARGEST:g})"
+        raise ValueError(f"class_weight: found {weight!r} for the label {label!r}, expected {expected}")
+    return float(weight)

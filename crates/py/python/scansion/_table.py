@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _validation
-from scansion._arrays import unmasked
-from scansion._base import Classifier
+from scansion._base import Classifier, logarithms
 from scansion._labels import check_kind, is_text, texts
 
 Self = TypeVar("Self", bound="TableClassifier")
@@ -63,7 +62,7 @@ class TableClassifier(Classifier):
         y : array_like of shape (n_samples,)
             Class labels: numbers or text.
         sample_weight : array_like of shape (n_samples,), optional
-            Weight of each sample, 0 or more; samples of weight 0 are ignored.
+            Weight of each sample, 0 or more; used as float32. Samples of weight 0 are ignored.
         """
         name = type(self).__name__
         names = _validation.feature_names(X)
@@ -96,6 +95,15 @@ class TableClassifier(Classifier):
         found: NDArray[np.float32] = self._trees.predict_proba(rows, self.n_jobs)
         return found
 
+    def predict_log_proba(self, X: ArrayLike) -> NDArray[np.float32]:
+        """Natural logarithm of `predict_proba`; minus infinity for a probability of 0.
+
+        Parameters
+        ----------
+        X : array_like of shape (n_samples, n_features)
+        """
+        return logarithms(self.predict_proba(X))
+
     def predict(self, X: ArrayLike) -> NDArray[Any]:
         """The most probable class of each row.
 
@@ -126,14 +134,15 @@ class TableClassifier(Classifier):
         y : array_like of shape (n_samples,)
             Class labels as for `fit`.
         sample_weight : array_like of shape (n_samples,), optional
+            Weight of each row, as for `fit`.
         """
         found = self.predict(X)
         labels = _validation.labels(y, len(found), type(self).__name__)
         check_kind(labels, self.classes_, "y")
         if is_text(labels) and not labels.dtype.kind == found.dtype.kind == "U":
             labels, found = texts(labels, "y"), texts(found, "y")
-        right = found == labels
-        return float(np.average(right, weights=None if sample_weight is None else unmasked(sample_weight, "sample_weight")))
+        weights = _validation.weights(sample_weight, len(labels), np.float64)
+        return float(np.average(found == labels, weights=weights))
 
     @property
     def feature_importances_(self) -> NDArray[np.float64]:

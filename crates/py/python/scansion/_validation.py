@@ -30,7 +30,7 @@ def table(values: Any, name: str, missing: bool = False) -> NDArray[np.float32]:
     if not missing:
         _check_finite(result, "X", "float32")
     elif np.isinf(result).any():
-        raise ValueError("Input X contains infinity or a value too large for dtype('float32').")
+        _refuse_infinity(result, "X", "float32")
     return result
 
 
@@ -56,10 +56,25 @@ def _check_finite(array: NDArray[Any], what: str, dtype: str) -> None:
     with np.errstate(over="ignore", invalid="ignore"):
         if math.isfinite(float(np.sum(array, dtype=np.float64))):
             return
-    if np.isnan(array).any():
-        raise ValueError(f"Input {what} contains NaN.")
-    if not np.isfinite(array).all():
-        raise ValueError(f"Input {what} contains infinity or a value too large for dtype('{dtype}').")
+    missing = np.isnan(array)
+    if missing.any():
+        raise ValueError(f"Input {what} contains NaN{_first(missing)}.")
+    if np.isinf(array).any():
+        _refuse_infinity(array, what, dtype)
+
+
+def _refuse_infinity(array: NDArray[Any], what: str, dtype: str) -> None:
+    place = _first(np.isinf(array))
+    raise ValueError(f"Input {what} contains infinity or a value too large for dtype('{dtype}'){place}.")
+
+
+def _first(wrong: NDArray[np.bool_]) -> str:
+    """Where the first one is, and how many there are."""
+    at = np.unravel_index(int(wrong.argmax()), wrong.shape)
+    names = ("row", "column") if wrong.ndim == 2 else ("index",)
+    place = ", ".join(f"{name} {i}" for name, i in zip(names, at, strict=True))
+    count = int(np.count_nonzero(wrong))
+    return f" at {place}" + (f" and {count - 1} other places" if count > 1 else "")
 
 
 def labels(values: Any, rows: int, name: str) -> NDArray[Any]:
@@ -102,8 +117,8 @@ def check_lengths(rows: int, other: int) -> None:
         raise ValueError(f"Found input variables with inconsistent numbers of samples: [{rows}, {other}]")
 
 
-def weights(values: Any, rows: int) -> NDArray[np.float32] | None:
-    """Sample weights as float32: finite, not negative, not all zero."""
+def weights(values: Any, rows: int, dtype: Any = np.float32) -> NDArray[Any] | None:
+    """Sample weights as float32 or another type: finite, not negative, not all zero."""
     if values is None:
         return None
     array = unmasked(values, "sample_weight")
@@ -113,8 +128,9 @@ def weights(values: Any, rows: int) -> NDArray[np.float32] | None:
         raise ValueError(f"Sample weights must be 1D array or scalar, got {array.ndim}D array.")
     if len(array) != rows:
         raise ValueError(f"sample_weight.shape == {array.shape}, expected {(rows,)}!")
-    result = native(array, np.float32)
-    _check_finite(result, "sample_weight", "float32")
+    with np.errstate(over="ignore"):
+        result = native(array, dtype)
+    _check_finite(result, "sample_weight", np.dtype(dtype).name)
     if (result < 0).any():
         raise ValueError(
             f"Negative values in data passed to `sample_weight`: found {result.min()}, expected >= 0"

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from scansion import _core
 from scansion._arrays import to_json, unmasked
-from scansion._base import Classifier
+from scansion._base import Classifier, logarithms
 from scansion._labels import check_kind
 from scansion._progress import Progress, following
 from scansion._settings import seed, share, together, whole
@@ -196,6 +196,16 @@ class VoxelClassifier(Classifier):
         self._check_is_fitted()
         objects, _ = samples(X, None, self.shape_["extent"][0])
         return self._model.predict_proba(objects, self.n_jobs)
+
+    def predict_log_proba(self, X: Any) -> NDArray[np.float32]:
+        """Natural logarithm of `predict_proba`; minus infinity for a probability of 0.
+
+        Parameters
+        ----------
+        X
+            Objects in a form that `fit` takes.
+        """
+        return logarithms(self.predict_proba(X))
 
     def predict(self, X: Any) -> NDArray[Any]:
         """The most probable class of each object.
