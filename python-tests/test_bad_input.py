@@ -269,8 +269,17 @@ def test_messages_name_arguments_of_python(tmp_path):
 def test_wrong_settings_are_named():
     with pytest.raises(ValueError, match="random_state: found 1.5"):
         scansion.segmentation.cut_pursuit(np.ones((3, 1)), [[0, 1]], random_state=1.5)
-    with pytest.raises(ValueError, match="^steps.restarts: invalid type: floating point `1.5`, expected [a-z0-9]+$"):
-        scansion.segmentation.cut_pursuit(np.ones((3, 1)), [[0, 1]], restarts=1.5)
+    for wrong, shown in ((1.5, "1.5"), (-1, "-1"), ("1", '"1"'), (None, "None")):
+        with pytest.raises(ValueError, match=f"^steps.restarts: found {shown}, expected a whole number, 0 or more$"):
+            scansion.segmentation.cut_pursuit(np.ones((3, 1)), [[0, 1]], restarts=wrong)
+    for wrong, shown in (("a", '"a"'), (None, "None"), (True, "True"), ([1.0], "a list")):
+        with pytest.raises(ValueError, match=f"^cell: found {shown}, expected a number$"):
+            terrain.dtm(XYZ, cell=wrong)
+    for wrong in (-1, 0, 1001, 2.5, "a", None):
+        with pytest.raises(ValueError, match=f"^neighbours: found {wrong!r}, expected a whole number in 1..1000$"):
+            filters.statistical_outliers(XYZ, wrong)
+        with pytest.raises(ValueError, match=f"^min_neighbours: found {wrong!r}, expected a whole number in 1..1000$"):
+            filters.radius_outliers(XYZ, min_neighbours=wrong)
 
 
 def test_whole_numbers_beyond_those_of_the_core_are_refused():

@@ -21,8 +21,36 @@ pub(crate) fn settings<T: DeserializeOwned>(text: &str) -> PyResult<T> {
 fn message(error: &serde_path_to_error::Error<serde_json::Error>) -> String {
     let text = error.inner().to_string();
     let what = text.rsplit_once(" at line ").map_or(&text[..], |(what, _)| what);
+    let what = in_words(what).unwrap_or_else(|| what.to_string());
     match error.path().to_string().as_str() {
-        "." => what.to_string(),
+        "." => what,
         key => format!("{key}: {what}"),
     }
+}
+
+/// The message about a value of the wrong kind, as the messages about values out of range have it; `None` for others.
+fn in_words(message: &str) -> Option<String> {
+    let text = message.strip_prefix("invalid type: ").or_else(|| message.strip_prefix("invalid value: "))?;
+    let (found, expected) = text.rsplit_once(", expected ")?;
+    let expected = match expected {
+        "f64" | "f32" => "a number",
+        "u8" => "a whole number in 0..255",
+        "u16" | "u32" | "u64" | "usize" => "a whole number, 0 or more",
+        "i8" | "i16" | "i32" | "i64" => "a whole number",
+        "a boolean" => "True or False",
+        "a string" => "text",
+        "a sequence" => "a list",
+        other => other,
+    };
+    let kinds = ["integer ", "floating point ", "string ", "boolean "];
+    let value = kinds.iter().find_map(|kind| found.strip_prefix(kind)).unwrap_or(found).trim_matches('`');
+    let value = match value {
+        "null" => "None",
+        "true" => "True",
+        "false" => "False",
+        "map" => "a mapping",
+        "sequence" => "a list",
+        other => other,
+    };
+    Some(format!("found {value}, expected {expected}"))
 }

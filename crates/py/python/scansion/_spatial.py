@@ -64,7 +64,7 @@ class SpatialKFold:
             Points. Of an array with more than three columns the first three are the coordinates; of a table with names they
             are X, Y and Z (or x, y and z), and the unit is that in its ``attrs``, as `PointCloud.to_pandas` writes it.
         """
-        if getattr(X, "ndim", 0) == 2 and not hasattr(X, "columns"):
+        if getattr(X, "ndim", 0) == 2 and X.shape[1] > 3 and not hasattr(X, "columns"):
             X = unmasked(X, "X")[:, :3]
         return _core.spatial_folds(as_cloud(X, columns=[])._core, self.n_splits, self.block, self.metres_per_unit)
 

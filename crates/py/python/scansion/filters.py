@@ -15,8 +15,12 @@ from scansion._arrays import to_json, unmasked
 from scansion._cloud import as_cloud
 from scansion._files import _box, _steps
 from scansion._ground import choice, code_list, filter_settings
+from scansion._settings import whole
 
 __all__ = ["filter_file", "inside_polygon", "radius_outliers", "statistical_outliers"]
+
+_MOST = 1000
+"""Most neighbours that a search may ask for."""
 
 
 def __dir__() -> list[str]:
@@ -63,7 +67,7 @@ def statistical_outliers(
     >>> np.flatnonzero(noise).tolist(), len(cloud.select(~noise))
     ([100], 100)
     """
-    settings = to_json({"neighbours": neighbours, "multiplier": multiplier})
+    settings = to_json({"neighbours": whole(neighbours, "neighbours", 1, _MOST), "multiplier": multiplier})
     return _core.statistical_outliers(as_cloud(xyz, columns=[])._core, settings, metres_per_unit, n_jobs)
 
 
@@ -104,7 +108,7 @@ def radius_outliers(
     >>> filters.radius_outliers(row).tolist()
     [False, False, False, False, True]
     """
-    settings = to_json({"radius": radius, "min_neighbours": min_neighbours})
+    settings = to_json({"radius": radius, "min_neighbours": whole(min_neighbours, "min_neighbours", 1, _MOST)})
     return _core.radius_outliers(as_cloud(xyz, columns=[])._core, settings, metres_per_unit, n_jobs)
 
 
