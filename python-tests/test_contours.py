@@ -1,6 +1,7 @@
 """Lines along the edges of synthetic scenes, their files read by other programs, and bad input."""
 
 import json
+import pickle
 
 import numpy as np
 import pytest
@@ -60,6 +61,22 @@ def test_files_hold_all_lines(found, tmp_path):
     assert (tmp_path / "a.dxf").read_text().count("\nPOLYLINE\n") == len(found)
     with pytest.raises(ValueError, match="dxf"):
         found.write(tmp_path / "a.dwg")
+
+
+def test_lines_survive_pickle(room, found, tmp_path):
+    for folder in ("before", "after"):
+        (tmp_path / folder).mkdir()
+    cloud = room.cloud.copy()
+    cloud.crs, cloud.class_names = "EPSG:25832", {int(code): f"mine {code}" for code in np.unique(cloud["Classification"])}
+    for lines in (found, contours.extract(cloud), contours.extract(room.cloud.xyz)):
+        again = pickle.loads(pickle.dumps(lines))
+        for name in ("closed", "length", "confidence", "classes", "voxel", "n_seeds", "n_candidates", "energies", "warnings"):
+            np.testing.assert_array_equal(getattr(again, name), getattr(lines, name), err_msg=name)
+        assert all(np.array_equal(a, b) for a, b in zip(again.lines, lines.lines, strict=True))
+        for name in ("a.geojson", "a.dxf"):
+            lines.write(tmp_path / "before" / name)
+            again.write(tmp_path / "after" / name)
+            assert (tmp_path / "after" / name).read_bytes() == (tmp_path / "before" / name).read_bytes()
 
 
 def test_dxf_and_geopackage_are_read_by_other_programs(found, tmp_path):

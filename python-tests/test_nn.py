@@ -654,3 +654,17 @@ def test_layers_are_copied_and_pickled_after_a_call():
     for again in (pickle.loads(pickle.dumps(layer)), copy.deepcopy(layer)):
         np.testing.assert_array_equal(again(places, features), found)
     assert layer.backward(np.ones((2, 3))).shape == (2, 2)
+
+
+def test_sites_survive_pickle():
+    random = np.random.default_rng(8)
+    for axes in (1, 2, 3, 4):
+        rows = np.unique(random.integers(-9, 9, (60, axes)), axis=0)
+        rows = random.permutation(rows)
+        features, weights = random.normal(size=(len(rows), 2)), random.normal(size=(*[3] * axes, 2, 3))
+        sites = nn.Sites(rows + 1000)
+        expected = nn.submanifold_convolution(sites, features, weights)
+        for again in (pickle.loads(pickle.dumps(sites)), copy.deepcopy(sites)):
+            assert (len(again), again.axes) == (len(rows), axes)
+            assert nn.submanifold_convolution(again, features, weights).tobytes() == expected.tobytes()
+    assert len(pickle.loads(pickle.dumps(nn.Sites(np.zeros((0, 3), int))))) == 0

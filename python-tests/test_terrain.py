@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import pickle
 import sqlite3
 import struct
 
@@ -207,7 +208,14 @@ def test_height_contours_are_those_of_contourpy(tmp_path):
     found.write(tmp_path / "h.dxf")
     lines = list(ezdxf.readfile(tmp_path / "h.dxf").modelspace())
     assert len(lines) == len(found) and {line.dxf.layer for line in lines} == {"CONTOUR", "INDEX-CONTOUR"}
-    assert terrain.contours(dtm, interval=100.0, base=50.0).lines == []
+    none = terrain.contours(dtm, interval=100.0, base=50.0)
+    assert none.lines == [] == pickle.loads(pickle.dumps(none)).lines
+    again = pickle.loads(pickle.dumps(found))
+    for name in ("heights", "closed", "length"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(found, name))
+    assert all(np.array_equal(a, b) for a, b in zip(again.lines, found.lines, strict=True))
+    again.write(tmp_path / "again.dxf")
+    assert (tmp_path / "again.dxf").read_bytes() == (tmp_path / "h.dxf").read_bytes()
     for wrong in ({"interval": 0.0}, {"base": 1e300}):
         with pytest.raises(ValueError, match="interval"):
             terrain.contours(dtm, **wrong)

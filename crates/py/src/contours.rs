@@ -2,7 +2,7 @@
 
 use crate::call::call;
 use crate::cloud::Cloud;
-use crate::convert::{matrix, to_matrix, vector};
+use crate::convert::{matrix, pieces, to_matrix, vector};
 use crate::error::raise;
 use crate::json;
 use crate::recipes::Model;
@@ -150,8 +150,52 @@ pub(crate) fn baseline(
 /// Vertices of all lines and the number of vertices of each.
 type Vertices<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<u64>>);
 
+/// Everything but the vertices, as `Contours::report` tells it.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct Report {
+    /// Whether each line is closed, its length, confidence and classes.
+    lines: Vec<(bool, f64, f32, Option<[u8; 2]>)>,
+    voxel: f64,
+    points: usize,
+    seeds: usize,
+    candidates: usize,
+    energies: Vec<f64>,
+    warnings: Vec<String>,
+}
+
 #[pymethods]
 impl Contours {
+    /// Lines from their vertices and their report; `place` is a cloud with their reference system, unit and class list.
+    #[staticmethod]
+    fn restored(
+        vertices: PyReadonlyArray2<'_, f64>,
+        counts: PyReadonlyArray1<'_, u64>,
+        report: Report,
+        place: &Cloud,
+    ) -> PyResult<Self> {
+        let pieces = pieces::<3>(&vertices, &counts)?;
+        let Report { lines, voxel, points, seeds, candidates, energies, warnings } = report;
+        if lines.len() != pieces.len() {
+            return Err(PyValueError::new_err("contours: expected a row of the report for each line"));
+        }
+        let of = |(vertices, (closed, length, confidence, classes))| recipes::ContourLine {
+            vertices,
+            closed,
+            length,
+            confidence,
+            classes,
+        };
+        let lines = pieces.into_iter().zip(lines).map(of).collect();
+        let inner = CoreContours { lines, voxel, points, seeds, candidates, energies, warnings };
+        Ok(Self { inner, cloud: Arc::clone(&place.inner) })
+    }
+
+    /// A cloud without points that has the reference system, the unit and the class list of the lines.
+    fn place(&self) -> Cloud {
+        Cloud::of(self.cloud.select(&[]))
+    }
+
     fn vertices<'py>(&self, py: Python<'py>) -> PyResult<Vertices<'py>> {
         let lines = &self.inner.lines;
         let all = lines.iter().flat_map(|line| line.vertices.iter().flatten()).copied().collect();
@@ -193,16 +237,7 @@ impl Lines {
     /// `counts` are the numbers of vertices.
     #[new]
     fn new(vertices: PyReadonlyArray2<'_, f64>, counts: PyReadonlyArray1<'_, u64>) -> PyResult<Self> {
-        let (rows, counts) = (matrix(&vertices, "vertices")?, vector(&counts, "counts")?);
-        let (rows, _) = rows.as_chunks::<3>();
-        let mut first = 0;
-        let piece = |&count: &u64| {
-            let found = rows.get(first..first + count as usize);
-            first += count as usize;
-            let wrong = || PyValueError::new_err("counts: expected the number of vertices of each line");
-            found.map(<[[f64; 3]]>::to_vec).ok_or_else(wrong)
-        };
-        Ok(Self { lines: counts.iter().map(piece).collect::<PyResult<_>>()? })
+        Ok(Self { lines: pieces::<3>(&vertices, &counts)? })
     }
 }
 

@@ -36,6 +36,25 @@ pub(crate) fn axes<T: Element + Copy + Send + Sync>(
     Ok(axes)
 }
 
+/// The vertices of lines, which stand one line after the other in a matrix; `counts` are the numbers of vertices.
+pub(crate) fn pieces<const D: usize>(
+    vertices: &PyReadonlyArray2<'_, f64>,
+    counts: &PyReadonlyArray1<'_, u64>,
+) -> PyResult<Vec<Vec<[f64; D]>>> {
+    let (rows, counts) = (matrix(vertices, "vertices")?, vector(counts, "counts")?);
+    let (rows, rest) = rows.as_chunks::<D>();
+    let wrong = || PyValueError::new_err("counts: expected the number of vertices of each line");
+    let mut first = 0usize;
+    let piece = |&count: &u64| {
+        let last = usize::try_from(count).ok().and_then(|count| first.checked_add(count));
+        let found = last.and_then(|last| rows.get(first..last)).ok_or_else(wrong)?;
+        first += found.len();
+        Ok(found.to_vec())
+    };
+    let found = counts.iter().map(piece).collect::<PyResult<_>>()?;
+    if vertices.shape()[1] == D && rest.is_empty() { Ok(found) } else { Err(wrong()) }
+}
+
 /// Row-major values as a matrix without a copy.
 pub(crate) fn to_matrix<T: Element>(py: Python<'_>, values: Vec<T>, width: usize) -> PyResult<Bound<'_, PyArray2<T>>> {
     let rows = values.len().checked_div(width).unwrap_or(0);

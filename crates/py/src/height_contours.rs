@@ -1,10 +1,11 @@
 //! Module `terrain`: height contours of a raster.
 
 use crate::call::call;
-use crate::convert::{matrix, to_matrix};
+use crate::convert::{matrix, pieces, to_matrix};
 use crate::json;
 use crate::terrain::raster;
-use numpy::{PyArray1, PyArray2, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use scansion_core::io::{self, Drawing, Georeference};
 use scansion_core::terrain::{self, Isoline, IsolineParams};
@@ -42,8 +43,35 @@ pub(crate) fn height_contours(
 /// Vertices of all lines and the number of vertices of each.
 type Vertices<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<u64>>);
 
+/// What each line is besides its vertices: its height, whether it is an index contour, whether it is closed.
+type Lines = Vec<(f64, bool, bool)>;
+
 #[pymethods]
 impl HeightContours {
+    /// Lines from what `vertices` and `rest` give.
+    #[staticmethod]
+    fn restored(
+        vertices: PyReadonlyArray2<'_, f64>,
+        counts: PyReadonlyArray1<'_, u64>,
+        lines: Lines,
+        crs: Option<String>,
+        metres_per_unit: Option<f64>,
+    ) -> PyResult<Self> {
+        let pieces = pieces::<2>(&vertices, &counts)?;
+        if lines.len() != pieces.len() {
+            return Err(PyValueError::new_err("height contours: expected a height of each line"));
+        }
+        let of = |(vertices, (height, index, closed))| Isoline { height, index, vertices, closed };
+        let lines = pieces.into_iter().zip(lines).map(of).collect();
+        Ok(Self { lines, place: Georeference { crs, metres_per_unit } })
+    }
+
+    /// What `restored` takes besides the vertices.
+    fn rest(&self) -> (Lines, Option<String>, Option<f64>) {
+        let lines = self.lines.iter().map(|line| (line.height, line.index, line.closed)).collect();
+        (lines, self.place.crs.clone(), self.place.metres_per_unit)
+    }
+
     fn vertices<'py>(&self, py: Python<'py>) -> PyResult<Vertices<'py>> {
         let all = self.lines.iter().flat_map(|line| line.vertices.iter().flatten()).copied().collect();
         let counts = self.lines.iter().map(|line| line.vertices.len() as u64).collect();

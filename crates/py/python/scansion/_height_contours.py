@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,9 @@ class HeightContours:
         pairs = zip(pieces, self.closed, strict=True)
         self.lines = [np.concatenate([line, line[:1]]) if closed else line for line, closed in pairs]
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (*self._core.vertices(), *self._core.rest())
+
     def __len__(self) -> int:
         return len(self.lines)
 
@@ -57,6 +61,11 @@ class HeightContours:
             ``.dxf``, ``.gpkg``, ``.geojson``, ``.obj`` or ``.ply``.
         """
         self._core.write(os.fspath(path))
+
+
+def _restored(*parts: Any) -> HeightContours:
+    """The inverse of ``HeightContours.__reduce__``."""
+    return HeightContours(_core.HeightContours.restored(*parts))
 
 
 def contours(

@@ -80,6 +80,10 @@ class Contours:
         self.energies = np.array(report["energies"], float)
         self.warnings: list[str] = report["warnings"]
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        report = json.loads(self._core.report())
+        return _restored, (self._core.vertices(), report, PointCloud._wrap(self._core.place()))
+
     def __len__(self) -> int:
         return len(self.lines)
 
@@ -100,6 +104,12 @@ class Contours:
             Lines of a lower confidence are left out, 0..1.
         """
         self._core.write(os.fspath(path), share(min_confidence, "min_confidence"))
+
+
+def _restored(vertices: tuple[Any, Any], report: dict[str, Any], place: PointCloud) -> Contours:
+    """The inverse of ``Contours.__reduce__``."""
+    lines = [tuple(row) for row in report["lines"]]
+    return Contours(_core.Contours.restored(*vertices, {**report, "lines": lines}, place._core))
 
 
 def extract(

@@ -54,12 +54,19 @@ const LIGHT: usize = 1 << 18;
 trait Neighbours: Send + Sync {
     fn map(&self, kernel: Kernel, monitor: &Monitor) -> Result<KernelMap>;
 
+    /// Coordinates of a site, from the lowest along each axis.
+    fn position(&self, site: usize) -> Vec<i64>;
+
     fn bytes(&self) -> usize;
 }
 
 impl<const D: usize> Neighbours for sites::Sites<D> {
     fn map(&self, kernel: Kernel, monitor: &Monitor) -> Result<KernelMap> {
         KernelMap::new(self, self, kernel, monitor)
+    }
+
+    fn position(&self, site: usize) -> Vec<i64> {
+        self.position(site).1.to_vec()
     }
 
     fn bytes(&self) -> usize {
@@ -139,6 +146,13 @@ impl Sites {
             0..LIGHT => py.detach(|| of(&Monitor::default())).map_err(raise),
             _ => call(py, n_jobs, of),
         }
+    }
+
+    /// Positions in the order of the rows, from the lowest coordinate along each axis: convolutions depend on differences only.
+    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i64>>> {
+        let site = |row: usize| self.site_of.as_ref().map_or(row, |places| places[row] as usize);
+        let all = (0..self.rows).flat_map(|row| self.sites.position(site(row))).collect();
+        to_matrix(py, all, self.axes)
     }
 
     /// Number of positions.

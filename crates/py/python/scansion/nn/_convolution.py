@@ -54,6 +54,10 @@ class Sites:
             raise ValueError(f"found coordinates of {coordinates.shape[1]} axes, expected 1 to 4")
         self._core = _core.Sites(coordinates, n_jobs)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # What was found for kernels is found again; only differences of positions count.
+        return Sites, (self._core.positions(),)
+
     def __len__(self) -> int:
         return len(self._core)
 
