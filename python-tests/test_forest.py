@@ -5,10 +5,11 @@ import pickle
 import numpy as np
 import pytest
 from scansion import BaggingClassifier, RandomForestClassifier
+from sklearn import config_context
 from sklearn.base import clone, is_classifier
 from sklearn.datasets import load_digits, load_iris, load_wine
 from sklearn.ensemble import RandomForestClassifier as Peer
-from sklearn.exceptions import DataConversionWarning
+from sklearn.exceptions import DataConversionWarning, UnsetMetadataPassedError
 from sklearn.model_selection import GridSearchCV, cross_val_score, train_test_split
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -173,3 +174,24 @@ def test_bytes_are_text_in_scores():
         for given in kinds:
             assert forest.score(X, given) == 1 and forest.score(X, given[[0, 2, 2, 3]]) == 0.75
             assert forest.score(X, given[[0, 2, 2, 3]], sample_weight=[1, 2, 1, 1]) == 0.6
+
+
+def test_weights_go_through_scikit_learns_metadata_routing():
+    random = np.random.default_rng(0)
+    X, y = random.random((200, 3)), random.integers(0, 2, 200)
+    weights = np.where(y == 1, 5.0, 0.01)
+    forest = RandomForestClassifier(5)
+    with pytest.raises(RuntimeError, match="enable_metadata_routing"):
+        forest.set_fit_request(sample_weight=True)
+    with config_context(enable_metadata_routing=True):
+        search = GridSearchCV(RandomForestClassifier(5), {"max_depth": [2]}, cv=2)
+        with pytest.raises(UnsetMetadataPassedError, match="sample_weight"):
+            search.fit(X, y, sample_weight=weights)
+        asked = clone(forest.set_fit_request(sample_weight=True).set_score_request(sample_weight=False))
+        search = GridSearchCV(asked, {"max_depth": [2]}, cv=2).fit(X, y, sample_weight=weights)
+        expected = RandomForestClassifier(5, max_depth=2).fit(X, y, sample_weight=weights).predict_proba(X)
+        assert search.best_estimator_.predict_proba(X).tobytes() == expected.tobytes()
+        asked.set_score_request(sample_weight=True)
+        weighted = GridSearchCV(asked, {"max_depth": [2]}, cv=2).fit(X, y, sample_weight=weights)
+        # All but a few are taken for the heavy class, which is half of the rows.
+        assert search.best_score_ < 0.7 and weighted.best_score_ > 0.95

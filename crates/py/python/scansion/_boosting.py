@@ -106,7 +106,7 @@ class GradientBoostingClassifier(TableClassifier):
         min_split_gain: float = 0.0,
         subsample: float = 1.0,
         subsample_freq: int = 1,
-        max_features: int | float | None = 1.0,
+        max_features: float | None = 1.0,
         n_iter_no_change: int | None = None,
         validation_fraction: float = 0.1,
         max_bins: int = 255,

@@ -28,6 +28,7 @@ from scansion._labels import (
 )
 from scansion._model_file import Notes, add_notes, notes
 from scansion._progress import Progress, following
+from scansion._routing import Routed
 from scansion._settings import dotted_settings
 from scansion._settings import recipe as read_recipe
 from scansion._settings import seed
@@ -55,7 +56,7 @@ class Classified(NamedTuple):
     """Probability of every class, shape (n, classes), if requested."""
 
 
-class PointClassifier(Classifier):
+class PointClassifier(Routed, Classifier):
     """Classifies every point of a cloud by multi-scale features and a random forest.
 
     T. Hackel, *Large-scale Machine Learning for Point Cloud Processing*, ETH Zurich 2018, doi:10.3929/ethz-b-000264691,
@@ -125,6 +126,7 @@ class PointClassifier(Classifier):
     report_: dict[str, Any]
     regularisation_: dict[str, Any] | None
     cars_report_: dict[str, Any]
+    _model: _core.Model
 
     def __init__(
         self,

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scansion import _validation
 from scansion._base import Classifier, logarithms
 from scansion._labels import check_kind, is_text, texts
+from scansion._routing import RoutedInScore
 
 Self = TypeVar("Self", bound="TableClassifier")
 
@@ -36,7 +37,7 @@ class TrainingData(NamedTuple):
     """The labels of the classes, ascending."""
 
 
-class TableClassifier(Classifier):
+class TableClassifier(RoutedInScore, Classifier):
     """A classifier of rows of features. A subclass trains its trees in ``_learn``."""
 
     classes_: NDArray[Any]
