@@ -23,7 +23,8 @@ pub enum Rare {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BalanceParams {
-    /// No class keeps more than this multiple of the samples of the smallest class that is learned, 1 or more.
+    /// No class keeps more than this multiple of the samples of the smallest class that is learned, 1 or more; infinite:
+    /// classes keep all their samples, and none has a higher weight.
     pub max_ratio: f64,
     /// `max_ratio` reduces no class below this many samples.
     pub keep_samples: usize,
@@ -57,8 +58,8 @@ impl BalanceParams {
     /// # Errors
     /// If a field is outside its range.
     pub fn validate(&self) -> Result<()> {
-        if !(self.max_ratio.is_finite() && self.max_ratio >= 1.0) {
-            return Err(Error::parameter("max_ratio", self.max_ratio, "a number from 1 up"));
+        if self.max_ratio.is_nan() || self.max_ratio < 1.0 {
+            return Err(Error::parameter("max_ratio", self.max_ratio, "1 or more"));
         }
         match self.max_samples {
             0 => Err(Error::parameter("max_samples", 0, "1 or more")),
@@ -171,7 +172,19 @@ mod tests {
         assert_eq!(counts(&labels, &BalanceParams { max_samples: 1, ..plain() }), [1, 1, 1]);
         assert_eq!(counts(&[0, 2, 2], &plain()), [1, 0, 2]);
         assert_eq!(counts(&[], &plain()), [0, 0, 0]);
-        assert!(balance(&[], &BalanceParams { max_ratio: 0.5, ..plain() }).is_err());
+        for wrong in [0.5, -f64::INFINITY, f64::NAN] {
+            assert!(balance(&[], &BalanceParams { max_ratio: wrong, ..plain() }).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn without_a_limit_all_samples_are_drawn_and_weigh_the_same() {
+        let labels: Vec<u16> = (0..1000).map(|i| if i < 3 { 2 } else { 0 }).collect();
+        let params = BalanceParams { max_ratio: f64::INFINITY, ..plain() };
+        assert_eq!(counts(&labels, &params), [997, 0, 3]);
+        // Class 1 has no samples.
+        assert_eq!(found(&labels, &params).weights, [1.0, 0.0, 1.0]);
+        assert_eq!(counts(&labels, &BalanceParams { max_samples: 500, ..params }), [498, 0, 1]);
     }
 
     #[test]

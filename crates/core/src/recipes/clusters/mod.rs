@@ -60,7 +60,7 @@ pub struct ClustersRecipe {
     pub ground: HeightParams,
     /// Selection of the training points.
     pub training: TrainingParams,
-    /// The forest (`rf`).
+    /// The forest (`rf`): Breiman's, as in the paper.
     pub forest: ForestParams,
     /// Gradient-boosted trees (`gbt`).
     pub boosting: BoostingParams,
@@ -84,7 +84,7 @@ impl Default for ClustersRecipe {
             clusters: ClusterParams::default(),
             ground: HeightParams::default(),
             training: TrainingParams::default(),
-            forest: ForestParams::default(),
+            forest: ForestParams::breiman(),
             boosting: BoostingParams::default(),
             bagging: BaggingParams::default(),
             linear: LinearParams::default(),

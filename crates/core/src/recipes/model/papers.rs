@@ -30,8 +30,12 @@ impl AnyRecipe {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::classification::ForestParams;
+    use crate::cloud::{Cloud, CodeScheme};
     use crate::nn::training::{Optimiser, Schedule};
-    use crate::recipes::{Descriptors, Heights, Placement, Regularise};
+    use crate::parallel::Monitor;
+    use crate::random::stream;
+    use crate::recipes::{Descriptors, Heights, LabelledCloud, Labels, Model, Placement, Regularise, TrainOptions};
     use crate::segmentation::{ClusterForm, CutPursuitSteps, LocalGraphParams, SlicParams};
 
     #[test]
@@ -61,6 +65,8 @@ mod tests {
                 }
                 AnyRecipe::Clusters(clusters) => {
                     assert_eq!((clusters.form, clusters.clusters.edge_rounds), (ClusterForm::Rank, 0));
+                    assert_eq!(clusters.forest, ForestParams::breiman());
+                    assert_eq!((clusters.training.voxel, clusters.training.max_ratio), (0.0, f64::INFINITY));
                     assert_eq!((clusters.regularise.method, clusters.training.keep_samples), (Regularise::None, 0));
                 }
                 AnyRecipe::Windows(windows) => {
@@ -73,6 +79,50 @@ mod tests {
                 }
                 other => panic!("{}", other.name()),
             }
+        }
+    }
+
+    /// A meadow (class 2) with three flat roofs (class 6), 11 points in a supervoxel.
+    fn roofs() -> LabelledCloud {
+        let mut draws = stream(4, 0);
+        let middles = [[4.0, 4.0], [12.0, 5.0], [7.0, 12.0]];
+        let rows: Vec<[f64; 3]> = (0..2000)
+            .map(|_| {
+                let [x, y] = [16.0 * draws.uniform(), 16.0 * draws.uniform()];
+                let roof = middles.iter().any(|m| (x - m[0]).abs() < 2.0 && (y - m[1]).abs() < 2.0);
+                [x, y, 0.1 * draws.uniform() + if roof { 4.0 } else { 0.0 }]
+            })
+            .collect();
+        let codes = rows.iter().map(|row| Some(if row[2] > 2.0 { 6 } else { 2 })).collect();
+        LabelledCloud { cloud: Cloud::from_rows(&rows).unwrap(), labels: Labels::new(codes, CodeScheme::Asprs) }
+    }
+
+    /// Settings with which a training is short.
+    fn short(name: &str) -> &'static [&'static str] {
+        match name {
+            "windows-paper" => &[
+                "learning.steps=1",
+                "learning.batch=2",
+                "network.scales=2",
+                "network.channels=[2]",
+                "network.hidden=4",
+            ],
+            _ => &["forest.trees=3"],
+        }
+    }
+
+    #[test]
+    fn recipes_of_papers_can_be_trained_and_come_back_from_their_files() {
+        for name in AnyRecipe::PAPERS {
+            let recipe = AnyRecipe::named(name).unwrap().with_settings(short(name).iter().copied()).unwrap();
+            let trained = recipe.train(&[roofs()], &TrainOptions::default(), &Monitor::default());
+            let (model, report) = trained.unwrap_or_else(|e| panic!("{name}: {e}"));
+            let codes: Vec<u8> = model.trained.classes.classes().iter().map(|class| class.code).collect();
+            assert_eq!(codes, [2, 6], "{name}");
+            assert!(report.classes().iter().all(|class| class.samples > 0), "{name}");
+            let bytes = model.to_bytes().unwrap();
+            let again = Model::from_bytes(&bytes, "a.model".as_ref()).unwrap();
+            assert!(again.fitted == model.fitted && again.to_bytes().unwrap() == bytes, "{name}");
         }
     }
 }

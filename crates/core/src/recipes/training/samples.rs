@@ -22,7 +22,8 @@ pub struct TrainingParams {
     /// Edge of the voxels that give one sample each, with the most frequent label in the voxel, metres; 0 uses every
     /// point.
     pub voxel: f64,
-    /// The largest class keeps at most this multiple of the samples of the smallest class that is learned; at least 1.
+    /// The largest class keeps at most this multiple of the samples of the smallest class that is learned; at least 1;
+    /// infinite (`inf`): all samples.
     pub max_ratio: f64,
     /// `max_ratio` reduces no class below this many samples; the samples of smaller classes get a higher weight
     /// instead.
