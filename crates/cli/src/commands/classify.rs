@@ -43,7 +43,8 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
                 Ok(())
             }
             true => {
-                let summary = one((input, output), (&model, &map), &mut keep, args, context)?;
+                let job = Job { input, output, model: &model, map: &map };
+                let summary = one(&job, &mut keep, args, context)?;
                 let data = summary.data(context.printer.format, std::mem::replace(&mut first, false));
                 data.map_or(Ok(()), |text| context.printer.data(&text))
             }
@@ -114,13 +115,16 @@ impl Kept {
     }
 }
 
-fn one(
-    (input, output): (&Path, &Path),
-    (model, map): (&Model, &LabelMap),
-    keep: &mut Kept,
-    args: &Classify,
-    context: &Context<'_>,
-) -> Result<Summary, Failure> {
+/// A file to classify.
+struct Job<'a> {
+    input: &'a Path,
+    output: &'a Path,
+    model: &'a Model,
+    map: &'a LabelMap,
+}
+
+fn one(job: &Job<'_>, keep: &mut Kept, args: &Classify, context: &Context<'_>) -> Result<Summary, Failure> {
+    let &Job { input, output, model, map } = job;
     let start = Instant::now();
     if !args.salvage {
         io::check_dimensions(input, output, &dimensions(model, args))?;
