@@ -328,6 +328,8 @@ def test_clouds_of_points_are_objects():
         ({"network": "alexnet"}, "modelnet"),
         ({"density": 2.0}, "density"),
         ({"settings": {"network.hiden": 3}}, "hiden"),
+        ({"settings": {"learning.optimiser.sgd.momentun": 3}}, "momentun"),
+        ({"settings": {"learning.rate": np.inf}}, "rate: found inf"),
         ({"settings": {"other.hidden": 3}}, "network or learning"),
         ({"epochs": 0}, "epochs"),
     ],
@@ -336,6 +338,57 @@ def test_bad_settings_of_networks_are_named(change, message):
     X, y = bars(8, 1)
     with pytest.raises(ValueError, match=message):
         nn.VoxelClassifier(**{"network": "mnist", **change}).fit(X, y)
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ({}, {"adagrad": {"epsilon": 1e-10}}),
+        ({"learning.optimiser.adagrad.epsilon": 0.1}, {"adagrad": {"epsilon": 0.1}}),
+        ({"learning.optimiser": {"sgd": {}}}, {"sgd": {"momentum": 0.0, "decay": 0.0}}),
+        (
+            {"learning.optimiser.sgd.momentum": 0.9, "learning.optimiser.sgd.decay": 0.01},
+            {"sgd": {"momentum": 0.9, "decay": 0.01}},
+        ),
+        ({"learning": {"optimiser": {"adadelta": {"rho": 0.8}}}}, {"adadelta": {"rho": 0.8, "epsilon": 1e-6}}),
+        (
+            {"learning.optimiser": {"adam-w": {"decay": 0}}},
+            {"adam-w": {"beta1": 0.9, "beta2": 0.999, "epsilon": 1e-8, "decay": 0.0}},
+        ),
+    ],
+)
+def test_networks_can_have_any_optimiser(settings, expected):
+    X, y = bars(8, 1)
+    network = nn.VoxelClassifier("mnist", epochs=1, settings={"network.hidden": 4, **settings}).fit(X, y)
+    assert network.settings_["learning"]["optimiser"] == expected
+    assert np.isfinite(network.predict_proba(X)).all()
+
+
+@pytest.mark.parametrize(
+    "small",
+    [
+        {"recipe": "unet", "voxel": 0.5, "network.widths": [2, 2], "learning": {"steps": 1, "parts": 1}},
+        {
+            "recipe": "windows",
+            "voxel": 0.5,
+            "network": {"scales": 1, "channels": [2], "hidden": 4},
+            "learning": {"steps": 1, "batch": 2},
+        },
+    ],
+)
+def test_networks_of_recipes_can_have_any_optimiser(small):
+    tomllib = pytest.importorskip("tomllib")
+    xyz = np.random.default_rng(7).uniform(size=(300, 3)) * 4
+    codes = np.where(xyz[:, 2] > 2, 6, 2)
+    # Values that are not given are PyTorch's.
+    for name, given, all_values in [
+        ("sgd", {"momentum": 0.9, "decay": 0.01}, {"momentum": 0.9, "decay": 0.01}),
+        ("adadelta", {"rho": 0.8}, {"rho": 0.8, "epsilon": 1e-6}),
+    ]:
+        for optimiser in ({"optimiser": {name: given}}, {f"optimiser.{name}.{key}": v for key, v in given.items()}):
+            recipe = {**small, "learning": {**small["learning"], **optimiser}}
+            found = tomllib.loads(scansion.PointClassifier(recipe).fit(xyz, codes).recipe_)
+            assert found["learning"]["optimiser"] == {name: all_values}
 
 
 def test_files_of_objects(tmp_path):

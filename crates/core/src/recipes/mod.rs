@@ -52,7 +52,6 @@ pub use segment::{
 pub use spheres::{SphereGroups, SpheresKind, SpheresRecipe};
 pub use suggest::{Doubt, KnownPoints, SuggestParams, Suggestion, suggest, suggestion_page};
 pub use system::report::{ClassCount, Report};
-pub use system::settings::set_key;
 pub use system::{Fitted, Nothing, SharedSettings, System, TrainOptions, TrainingResult};
 pub use trained::{FirstStage, Trained};
 pub use training::blocks::square_folds;

@@ -36,9 +36,9 @@ def dotted_settings(given: Mapping[str, Any], before: str = "") -> list[str]:
 
 
 def _dotted(given: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted keys and values of a mapping whose values may be mappings."""
+    """Dotted keys and values of a mapping whose values may be mappings; an empty one is a value."""
     for key, value in given.items():
-        if isinstance(value, Mapping):
+        if isinstance(value, Mapping) and value:
             yield from _dotted(value, f"{before}{key}.")
         else:
             yield f"{before}{key}", value
@@ -60,8 +60,10 @@ def toml_value(key: str, value: Any) -> str:
         return json.dumps(value)
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(toml_value(key, item) for item in value)}]"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{json.dumps(name)} = {toml_value(key, item)}' for name, item in value.items())}}}"
     raise TypeError(
-        f"{key}: found {value!r} of type {type(value).__name__}, expected a number, text, True, False, None or a list"
+        f"{key}: found {value!r} of type {type(value).__name__}, expected a number, text, True, False, None, a list or a mapping"
     )
 
 
@@ -87,7 +89,10 @@ def _put(into: dict[str, Any], key: str, value: Any) -> None:
         into = into.setdefault(part, {})
         if not isinstance(into, dict):
             raise ValueError(f"settings: found {key} and a value of {part}, expected one of them")
-    into[last] = value
+    if isinstance(value, Mapping):
+        into.setdefault(last, {})
+    else:
+        into[last] = value
 
 
 def _has(within: Any, key: str) -> bool:

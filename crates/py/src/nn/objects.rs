@@ -164,10 +164,16 @@ impl ObjectModel {
 }
 
 /// The settings of a network and of its training by their name, for objects of so many cells along each axis; one bound of
-/// density for all sparse levels if it is given; the dense twin if asked for.
+/// density for all sparse levels if it is given; the dense twin if asked for; then changes `key=value`, one after the other.
 #[pyfunction]
-#[pyo3(signature = (name, resolution, density = None, dense = false))]
-pub(crate) fn object_preset(name: &str, resolution: usize, density: Option<f64>, dense: bool) -> PyResult<String> {
+#[pyo3(signature = (name, resolution, density = None, dense = false, settings = Vec::new()))]
+pub(crate) fn object_preset(
+    name: &str,
+    resolution: usize,
+    density: Option<f64>,
+    dense: bool,
+    settings: Vec<String>,
+) -> PyResult<String> {
     let mut preset = ObjectPreset::named(name, resolution).map_err(raise)?;
     if let Some(density) = density {
         preset = preset.with_density(density);
@@ -175,5 +181,5 @@ pub(crate) fn object_preset(name: &str, resolution: usize, density: Option<f64>,
     if dense {
         preset.network = preset.network.dense_twin();
     }
-    json::text(&preset).map_err(raise)
+    preset.with_settings(settings.iter().map(String::as_str)).and_then(|preset| json::text(&preset)).map_err(raise)
 }

@@ -5,45 +5,91 @@ use crate::nn::parameters::{Gradients, Parameters, Role};
 use crate::nn::scalar::Scalar;
 use serde::{Deserialize, Serialize};
 
-/// A way to change parameters by their gradients.
+/// A way to change parameters by their gradients. In settings it is a table of one key, its name (`sgd`, `adagrad`,
+/// `adadelta` or `adam-w`); values that are not given are those of PyTorch.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Optimiser {
     /// Stochastic gradient descent with momentum.
     Sgd {
-        /// Share of the last step that is kept, 0..1.
+        /// Share of the last step that is kept, 0..1; 0 if not given.
+        #[serde(default)]
         momentum: f64,
-        /// Weight decay, added to the gradient of weights.
+        /// Weight decay, added to the gradient of weights; 0 if not given.
+        #[serde(default)]
         decay: f64,
     },
     /// J. Duchi, E. Hazan, Y. Singer, *Adaptive subgradient methods*, JMLR 2011.
     Adagrad {
-        /// Added to the root of the sum of squares.
+        /// Added to the root of the sum of squares; 1e-10 if not given.
+        #[serde(default = "usual::adagrad_epsilon")]
         epsilon: f64,
     },
     /// M. D. Zeiler, *ADADELTA*, 2012, arXiv:1212.5701.
     Adadelta {
-        /// Share of the running means that is kept, 0..1.
+        /// Share of the running means that is kept, 0..1; 0.9 if not given.
+        #[serde(default = "usual::rho")]
         rho: f64,
-        /// Added under the roots.
+        /// Added under the roots; 1e-6 if not given.
+        #[serde(default = "usual::adadelta_epsilon")]
         epsilon: f64,
     },
     /// I. Loshchilov, F. Hutter, *Decoupled weight decay regularization*, ICLR 2019.
     AdamW {
-        /// Share of the running mean of gradients that is kept, 0..1.
+        /// Share of the running mean of gradients that is kept, 0..1; 0.9 if not given.
+        #[serde(default = "usual::beta1")]
         beta1: f64,
-        /// Share of the running mean of squares that is kept, 0..1.
+        /// Share of the running mean of squares that is kept, 0..1; 0.999 if not given.
+        #[serde(default = "usual::beta2")]
         beta2: f64,
-        /// Added to the root.
+        /// Added to the root; 1e-8 if not given.
+        #[serde(default = "usual::adam_w_epsilon")]
         epsilon: f64,
-        /// Weight decay, as a share of the learning rate.
+        /// Weight decay, as a share of the learning rate; 0.01 if not given.
+        #[serde(default = "usual::adam_w_decay")]
         decay: f64,
     },
 }
 
 impl Default for Optimiser {
     fn default() -> Self {
-        Self::AdamW { beta1: 0.9, beta2: 0.999, epsilon: 1e-8, decay: 0.01 }
+        Self::AdamW {
+            beta1: usual::beta1(),
+            beta2: usual::beta2(),
+            epsilon: usual::adam_w_epsilon(),
+            decay: usual::adam_w_decay(),
+        }
+    }
+}
+
+/// The values that PyTorch has by default.
+mod usual {
+    pub(super) fn adagrad_epsilon() -> f64 {
+        1e-10
+    }
+
+    pub(super) fn rho() -> f64 {
+        0.9
+    }
+
+    pub(super) fn adadelta_epsilon() -> f64 {
+        1e-6
+    }
+
+    pub(super) fn beta1() -> f64 {
+        0.9
+    }
+
+    pub(super) fn beta2() -> f64 {
+        0.999
+    }
+
+    pub(super) fn adam_w_epsilon() -> f64 {
+        1e-8
+    }
+
+    pub(super) fn adam_w_decay() -> f64 {
+        0.01
     }
 }
 
@@ -234,5 +280,25 @@ mod tests {
         assert_eq!(parameters, before);
         assert!(Optimiser::Adagrad { epsilon: 0.0 }.validate().unwrap_err().to_string().contains("epsilon"));
         assert!(ALL.into_iter().all(|optimiser| optimiser.validate().is_ok()));
+    }
+
+    #[test]
+    fn values_that_are_not_given_are_those_of_pytorch() {
+        // torch.optim 2.5: SGD, Adagrad, Adadelta and AdamW, without arguments.
+        let read = |text: &str| {
+            let table: toml::Table = text.parse().unwrap();
+            table["optimiser"].clone().try_into::<Optimiser>()
+        };
+        for (text, expected) in [
+            ("optimiser.sgd = {}", Optimiser::Sgd { momentum: 0.0, decay: 0.0 }),
+            ("optimiser.sgd.momentum = 0.9", Optimiser::Sgd { momentum: 0.9, decay: 0.0 }),
+            ("optimiser.adagrad = {}", Optimiser::Adagrad { epsilon: 1e-10 }),
+            ("optimiser.adadelta = {}", Optimiser::Adadelta { rho: 0.9, epsilon: 1e-6 }),
+            ("optimiser.adam-w = {}", Optimiser::AdamW { beta1: 0.9, beta2: 0.999, epsilon: 1e-8, decay: 0.01 }),
+        ] {
+            assert_eq!(read(text).unwrap(), expected, "{text}");
+        }
+        assert!(read("optimiser.sgd.momentun = 0.9").unwrap_err().to_string().contains("momentun"));
+        assert!(read("optimiser = { sgd = {}, adagrad = {} }").is_err());
     }
 }

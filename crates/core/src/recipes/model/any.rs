@@ -17,11 +17,11 @@ use crate::recipes::spheres::SpheresRecipe;
 #[cfg(test)]
 use crate::recipes::system::height::HeightRecipe;
 use crate::recipes::system::report::Report;
-use crate::recipes::system::settings::{explained, set_key, with_defaults};
 use crate::recipes::system::{Fitted, System, TrainOptions, TrainingResult};
 use crate::recipes::unet::UNetRecipe;
 use crate::recipes::weak::WeakRecipe;
 use crate::recipes::windows::WindowsRecipe;
+use crate::settings::changes::{explained, set_keys, with_defaults};
 use serde::Serialize;
 
 /// Makes [`AnyRecipe`] and [`AnyFitted`] from a list of methods; one that is `only in test` is compiled for tests only.
@@ -290,9 +290,7 @@ impl AnyRecipe {
     /// As [`AnyRecipe::from_toml`].
     pub fn with_settings<'a>(&self, settings: impl IntoIterator<Item = &'a str>) -> Result<Self> {
         let mut table: toml::Table = self.to_toml()?.parse().map_err(|e| Error::input(format!("recipe: {e}")))?;
-        for setting in settings {
-            set_key(&mut table, setting)?;
-        }
+        set_keys(&mut table, settings)?;
         Self::complete(&table.to_string())
     }
 }

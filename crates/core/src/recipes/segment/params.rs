@@ -5,11 +5,11 @@ use crate::error::{Error, Result};
 use crate::graph::{FelzenszwalbParams, KnnGraphParams};
 use crate::neighbours::OptimalParams;
 use crate::recipes::objects::ObjectSegments;
-use crate::recipes::system::settings::{explained, set_key, with_defaults};
 use crate::segmentation::{
     ClusterParams, CutPursuitSteps, Intent, Leftovers, LocalGraphParams, OctreeGrowingParams, PartitionParams,
     RegionGrowingParams, RiemannianParams, SlicParams,
 };
+use crate::settings::changes::{explained, set_keys, with_defaults};
 use serde::{Deserialize, Serialize};
 
 /// Parameters that both kinds of region growing share.
@@ -130,9 +130,7 @@ impl SegmentParams {
     /// As [`SegmentParams::from_toml`].
     pub fn with_settings<'a>(&self, settings: impl IntoIterator<Item = &'a str>) -> Result<Self> {
         let mut table: toml::Table = self.to_toml()?.parse().map_err(|e| Error::input(format!("settings: {e}")))?;
-        for setting in settings {
-            set_key(&mut table, setting)?;
-        }
+        set_keys(&mut table, settings)?;
         explained(&table.to_string())
     }
 }

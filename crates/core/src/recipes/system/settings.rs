@@ -1,90 +1,9 @@
-//! Recipes as TOML: reading with explanations, and single settings `a.b.c=value`.
+//! Settings of the regularisation alone, and the tests of the settings of recipes.
 
 use crate::error::{Error, Result};
 use crate::recipes::RegulariseParams;
-use serde::de::DeserializeOwned;
+use crate::settings::changes::{explained, set_keys};
 use serde::{Deserialize, Serialize};
-
-/// Largest number of parts of a key; those of recipes have up to five.
-const DEEPEST: usize = 16;
-
-/// Sets one `a.b.c=value` in a TOML table.
-///
-/// # Errors
-/// If the setting has no `=`, an empty key, or a key of too many parts.
-pub fn set_key(table: &mut toml::Table, setting: &str) -> Result<()> {
-    let bad = || Error::parameter("set", setting, "key=value, e.g. forest.trees=100");
-    let (key, value) = setting.split_once('=').ok_or_else(bad)?;
-    let value = parse_value(value.trim());
-    let parts: Vec<&str> = key.trim().split('.').take(DEEPEST + 1).collect();
-    if parts.len() > DEEPEST {
-        let start: String = key.trim().chars().take(40).collect();
-        return Err(Error::parameter("set", format!("{start}..."), format!("a key of at most {DEEPEST} parts")));
-    }
-    if parts.iter().any(|part| part.is_empty()) {
-        return Err(bad());
-    }
-    let given = parts
-        .into_iter()
-        .rev()
-        .fold(value, |value, part| toml::Value::Table(toml::Table::from_iter([(part.to_string(), value)])));
-    if let toml::Value::Table(given) = given {
-        put(table, given);
-    }
-    Ok(())
-}
-
-fn parse_value(text: &str) -> toml::Value {
-    format!("v = {text}")
-        .parse::<toml::Table>()
-        .ok()
-        .and_then(|mut t| t.remove("v"))
-        .unwrap_or_else(|| toml::Value::String(text.to_string()))
-}
-
-/// Reads TOML; error messages give the place and suggest the intended key.
-pub(in crate::recipes) fn explained<T: DeserializeOwned>(text: &str) -> Result<T> {
-    toml::from_str(text).map_err(|e| Error::input(format!("recipe: {}", explain(&e.to_string()))))
-}
-
-/// Reads TOML like [`explained`]; values not given are those of `defaults`, in the tables in it too.
-pub(in crate::recipes) fn with_defaults<T: DeserializeOwned + Serialize>(text: &str, defaults: &T) -> Result<T> {
-    let written: T = explained(text)?;
-    let given: toml::Table = text.parse().map_err(|e| Error::input(format!("recipe: {e}")))?;
-    let mut all = toml::Table::try_from(defaults).map_err(|e| Error::input(format!("recipe: {e}")))?;
-    put(&mut all, given);
-    Ok(all.try_into().unwrap_or(written))
-}
-
-/// Puts the given values into a table. A choice with a value (a table of one key) takes the place of another choice.
-fn put(table: &mut toml::Table, given: toml::Table) {
-    for (key, value) in given {
-        match (table.get_mut(&key), value) {
-            (Some(toml::Value::Table(here)), toml::Value::Table(value)) if !other_choice(here, &value) => {
-                put(here, value)
-            }
-            (_, value) => {
-                table.insert(key, value);
-            }
-        }
-    }
-}
-
-fn other_choice(here: &toml::Table, value: &toml::Table) -> bool {
-    here.len() == 1 && value.len() == 1 && here.keys().ne(value.keys())
-}
-
-/// Adds "did you mean" to serde's message about an unknown field.
-fn explain(message: &str) -> String {
-    let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
-    match (message.contains("unknown field"), quoted.split_first()) {
-        (true, Some((wrong, valid))) => match valid.iter().min_by_key(|v| strsim::levenshtein(wrong, v)) {
-            Some(near) => format!("{}\nhelp: did you mean `{near}`?", message.trim_end()),
-            None => message.to_string(),
-        },
-        _ => message.to_string(),
-    }
-}
 
 /// The section of a recipe, alone.
 #[derive(Default, Serialize, Deserialize)]
@@ -101,9 +20,7 @@ impl RegulariseParams {
     pub fn with_settings<'a>(&self, settings: impl IntoIterator<Item = &'a str>) -> Result<Self> {
         let wrong = |e: &dyn std::fmt::Display| Error::input(format!("settings: {e}"));
         let mut table = toml::Table::try_from(Section { regularise: self.clone() }).map_err(|e| wrong(&e))?;
-        for setting in settings {
-            set_key(&mut table, setting)?;
-        }
+        set_keys(&mut table, settings)?;
         Ok(explained::<Section>(&table.to_string())?.regularise)
     }
 }

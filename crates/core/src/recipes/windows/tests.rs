@@ -1,6 +1,7 @@
 use super::occupancy::{Frame, Occupancy};
 use super::*;
 use crate::cloud::{Cloud, CodeScheme, Positions};
+use crate::nn::training::Optimiser;
 use crate::random::stream;
 use crate::recipes::classify::ClassifyParams;
 use crate::recipes::labels::Labels;
@@ -253,6 +254,17 @@ fn settings_out_of_range_are_named() {
         let message = windows.with_settings([setting]).and_then(|r| r.validate()).unwrap_err().to_string();
         assert!(message.contains(name), "{setting}: {message}");
     }
+    let optimiser = |settings: &[&str]| match windows.with_settings(settings.iter().copied()).unwrap() {
+        AnyRecipe::Windows(recipe) => recipe.learning.optimiser,
+        other => panic!("{}", other.name()),
+    };
+    let given = ["learning.optimiser.sgd.momentum=.9", "learning.optimiser.sgd.decay=0"];
+    assert_eq!(optimiser(&given), Optimiser::Sgd { momentum: 0.9, decay: 0.0 });
+    let given = ["learning.optimiser.adam-w.beta1=0.8", "learning.optimiser.adam-w.decay=0"];
+    assert_eq!(optimiser(&given), Optimiser::AdamW { beta1: 0.8, beta2: 0.999, epsilon: 1e-8, decay: 0.0 });
+    let written = AnyRecipe::from_toml("recipe = \"windows\"\n[learning.optimiser.adadelta]\nrho = 0.8\n").unwrap();
+    let set = windows.with_settings(["learning.optimiser.adadelta.rho=0.8"]).unwrap();
+    assert_eq!(written, set);
     let odd = windows.with_settings(["network.window=15", "placement=doubled"]).unwrap();
     assert!(odd.validate().unwrap_err().to_string().contains("even"));
     assert!(windows.with_settings(["placement=round"]).is_err());

@@ -20,7 +20,7 @@ from scansion._arrays import to_json, unmasked
 from scansion._base import Classifier, logarithms
 from scansion._labels import check_kind
 from scansion._progress import Progress, following
-from scansion._settings import seed, share, together, whole
+from scansion._settings import dotted_settings, seed, share, together, whole
 from scansion.nn._samples import samples
 
 Self = TypeVar("Self", bound="VoxelClassifier")
@@ -56,9 +56,13 @@ class VoxelClassifier(Classifier):
     learning_rate : float, optional
         Highest learning rate; None: that of the network, 0.01 (with those of the thesis 0.001 for ModelNet40).
     settings : mapping, optional
-        Any other setting, nested or with dotted keys: ``network.hidden``, ``network.levels``, ``learning.optimiser``,
-        ``network.attention`` ("positive"; "magnitude" keeps responses by magnitude, of which the negative ones then become
-        0), ``learning.regulariser.strength`` (twice the λ of the thesis), ``learning.pruning``, ``learning.augment.turn`` and others; `settings_` lists all.
+        Any other setting, nested or with dotted keys: ``network.hidden``, ``network.levels``, ``network.attention``
+        ("positive"; "magnitude" keeps responses by magnitude, of which the negative ones then become 0),
+        ``learning.regulariser.strength`` (twice the λ of the thesis), ``learning.pruning``, ``learning.augment.turn`` and
+        others; `settings_` lists all.
+        ``learning.optimiser`` is a mapping of one name to its values, of which those that are absent are PyTorch's:
+        ``{"adagrad": {"epsilon": 1e-10}}``, ``{"adadelta": {"rho": 0.9, "epsilon": 1e-6}}``, ``{"sgd": {"momentum": 0, "decay": 0}}``
+        or ``{"adam-w": {"beta1": 0.9, "beta2": 0.999, "epsilon": 1e-8, "decay": 0.01}}``.
     random_state : int, numpy.random.RandomState or None
         Seed; None means 0.
     n_jobs : int, optional
@@ -171,19 +175,23 @@ class VoxelClassifier(Classifier):
     def _settings(self, shortest: int) -> dict[str, Any]:
         """All settings under the core's names, for objects with so many cells along the shortest axis."""
         density = None if self.density is None else share(self.density, "density")
-        preset = json.loads(_core.object_preset(self.network, shortest, density, bool(self.dense)))
-        network, learning = preset["network"], {**preset["learning"], "seed": seed(self.random_state)}
+        own: dict[str, Any] = {"seed": seed(self.random_state)}
         if self.epochs is not None:
-            learning["epochs"] = whole(self.epochs, "epochs")
+            own["epochs"] = whole(self.epochs, "epochs")
         if self.batch_size is not None:
-            learning["batch"] = whole(self.batch_size, "batch_size")
+            own["batch"] = whole(self.batch_size, "batch_size")
         if self.learning_rate is not None:
-            learning["rate"] = share(self.learning_rate, "learning_rate", (0, 1e6))
+            own["rate"] = share(self.learning_rate, "learning_rate", (0, 1e6))
         given = together(self.settings)
         for key in given:
             if key not in ("network", "learning"):
                 raise ValueError(f"settings: found {key}, expected network or learning")
-        return {"network": _over(network, given.get("network")), "learning": _over(learning, given.get("learning"))}
+        to_json(given)  # a number that is not finite is an error with its name
+        changes = dotted_settings(own, "learning.") + dotted_settings(given)
+        found: dict[str, Any] = json.loads(
+            _core.object_preset(self.network, shortest, density, bool(self.dense), changes)
+        )
+        return found
 
     def predict_proba(self, X: Any) -> NDArray[np.float32]:
         """Probability of each class, shape (n, n_classes).
@@ -334,12 +342,3 @@ def _labels(names: list[str], kind: str | None) -> NDArray[Any]:
     if kind == "boolean":
         return np.array([name == "True" for name in names])
     return np.array([int(name) for name in names] if kind == "whole" else names)
-
-
-def _over(defaults: dict[str, Any], given: dict[str, Any] | None) -> dict[str, Any]:
-    """Settings with those that were given on top."""
-    found = dict(defaults)
-    for key, value in (given or {}).items():
-        own = found.get(key)
-        found[key] = _over(own, value) if isinstance(own, dict) and isinstance(value, dict) else value
-    return found

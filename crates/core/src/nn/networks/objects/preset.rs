@@ -2,6 +2,7 @@
 
 use super::{ObjectLearning, ObjectNetParams};
 use crate::error::{Error, Result};
+use crate::settings::changes::changed;
 use serde::{Deserialize, Serialize};
 
 /// A network and the settings of its training.
@@ -80,6 +81,15 @@ impl ObjectPreset {
         }
     }
 
+    /// The same with other settings, `network.key=value` and `learning.key=value`, each value read as TOML (a bare word counts
+    /// as text).
+    ///
+    /// # Errors
+    /// If a key is unknown, or a value has the wrong type.
+    pub fn with_settings<'a>(&self, settings: impl IntoIterator<Item = &'a str>) -> Result<Self> {
+        changed(self, settings)
+    }
+
     /// The same with one bound of the density for all sparse levels.
     #[must_use]
     pub fn with_density(mut self, density: f64) -> Self {
@@ -142,6 +152,20 @@ mod tests {
         assert_eq!(learning, own);
         assert_eq!(network, ObjectNetParams { dropout: 0.0, deviation: Some(0.1), ..ObjectNetParams::mnist(0.095) });
         assert_eq!(network.attention, Attention::Positive);
+    }
+
+    #[test]
+    fn settings_choose_another_optimiser() {
+        let preset = ObjectPreset::named("mnist-paper", 28).unwrap();
+        let optimiser = |settings: &[&str]| preset.with_settings(settings.iter().copied()).unwrap().learning.optimiser;
+        let given = ["learning.optimiser.sgd.momentum=0.9", "learning.optimiser.sgd.decay=0.01"];
+        assert_eq!(optimiser(&given), Optimiser::Sgd { momentum: 0.9, decay: 0.01 });
+        assert_eq!(optimiser(&["learning.optimiser={ adam-w = {} }"]), Optimiser::default());
+        assert_eq!(optimiser(&["learning.optimiser.adagrad.epsilon=0.1"]), Optimiser::Adagrad { epsilon: 0.1 });
+        let levels = preset.with_settings(["network.levels=[{ channels = [2], density = \"none\" }]"]).unwrap();
+        assert_eq!(levels.network.levels.iter().map(|l| l.density).collect::<Vec<_>>(), [None]);
+        let message = preset.with_settings(["network.hiden=3"]).unwrap_err().to_string();
+        assert!(message.contains("hiden") && message.contains("did you mean `hidden`"), "{message}");
     }
 
     #[test]

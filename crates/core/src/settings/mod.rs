@@ -1,5 +1,7 @@
 //! How values that TOML or JSON cannot hold are written in recipes and settings: none, and infinity.
 
+pub(crate) mod changes;
+
 use serde::de::value::{BoolDeserializer, F64Deserializer, I64Deserializer, StrDeserializer, U64Deserializer};
 use serde::de::{DeserializeOwned, Deserializer, Error, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
