@@ -180,6 +180,34 @@ fn odd_clouds_and_labels_are_named_or_refused_but_never_break() {
 }
 
 #[test]
+fn three_classes_can_have_weights_of_their_own() {
+    // Three steps; the middle one is road, or none is.
+    let rows: Vec<[f64; 3]> =
+        (0..900).map(|i| [f64::from(i % 30), f64::from(i / 30), f64::from(i % 30 / 10)]).collect();
+    let weights = "forest.class_weight={ per_class = [1.0, 5.0, 2.0] }";
+    for steps in [[5, 2, 6], [4, 5, 6]] {
+        let codes: Vec<u8> = (0..900).map(|i| steps[i % 30 / 10]).collect();
+        assert_eq!(names(&rows, &codes, &[weights, "forest.trees=20"]).unwrap().len(), 900, "{steps:?}");
+    }
+    // One weight a class, not one for road and one for the others.
+    let codes: Vec<u8> = (0..900).map(|i| [5, 2, 6][i % 30 / 10]).collect();
+    assert!(names(&rows, &codes, &["forest.class_weight={ per_class = [1.0, 5.0] }"]).is_err());
+}
+
+#[test]
+fn training_and_classification_tell_of_a_road_that_was_not_found() {
+    let rows: Vec<[f64; 3]> =
+        (0..900).map(|i| [f64::from(i % 30), f64::from(i / 30), f64::from(i % 30 / 15)]).collect();
+    let codes: Vec<u8> = (0..900).map(|i| if i % 30 < 15 { 5 } else { 6 }).collect();
+    let (pair, monitor) = ([labelled(&rows, &codes)], Monitor::default());
+    let result = weak(&["forest.trees=10"]).train(&pair, &TrainOptions::default(), &monitor).unwrap();
+    let text = "no label is road (road.codes [2, 11]): the lowest points stand in for the road";
+    assert_eq!(result.report.warnings, [text]);
+    let found = classify(&pair[0].cloud, &Model::from(result), &ClassifyParams::default(), &monitor).unwrap();
+    assert!(found.warnings.iter().any(|warning| warning == text), "{:?}", found.warnings);
+}
+
+#[test]
 fn parts_get_the_labels_of_the_whole_if_its_statistics_are_known() {
     // Sites so far apart that nothing but the class shares joins them.
     let exact = |v: f64| (v * 64.0).round() / 64.0;

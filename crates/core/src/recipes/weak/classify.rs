@@ -1,7 +1,7 @@
 //! Classification of all points of a cloud.
 
 use super::WeakRecipe;
-use super::describe::{DescribedCloud, RoadSources, WeakScene, paper_descriptors, scaled_features};
+use super::describe::{DescribedCloud, PaperDescriptors, RoadSources, WeakScene, paper_descriptors, scaled_features};
 use super::hold::{Constrained, KnownLabels};
 use super::shares::most_probable;
 use crate::error::{Error, Result};
@@ -20,7 +20,7 @@ pub(super) fn classify(fitted: &Fitted<WeakRecipe>, job: &Job<'_>, monitor: &Mon
     let described = DescribedPoints { points: &scene.points.positions, descriptors: &scene.local, labels: None };
     let known = KnownLabels { labels: &labels, step: recipe.labels.hold_step };
     let constrained = Constrained::new(described, known, job.regularise, monitor)?;
-    let (scene, mut values) = probabilities(fitted, job, scene, monitor)?;
+    let Probable { scene, mut values, warning } = probabilities(fitted, job, scene, monitor)?;
     let counts = match &job.params.statistics {
         Some(whole) => whole.class_counts.clone(),
         None => most_probable(&values, model.classes.len()),
@@ -32,30 +32,42 @@ pub(super) fn classify(fitted: &Fitted<WeakRecipe>, job: &Job<'_>, monitor: &Mon
     recipe.shares.apply(&mut values, &counts, &learned.shares);
     let given = Probabilities { values: &values, classes: model.classes.len() };
     let found = constrained.decide(given, job.regularise, monitor)?;
-    job.decided(&scene.points, &found, monitor)
+    let mut classified = job.decided(&scene.points, &found, monitor)?;
+    classified.warnings.extend(warning);
+    Ok(classified)
 }
 
 /// Number of points by their most probable class, before the adaptation to shares.
 pub(super) fn statistics(fitted: &Fitted<WeakRecipe>, job: &Job<'_>, monitor: &Monitor) -> Result<CloudStatistics> {
     let scene = WeakScene::new(job.scene, &fitted.recipe, monitor)?;
-    let (_, values) = probabilities(fitted, job, scene, monitor)?;
+    let Probable { values, .. } = probabilities(fitted, job, scene, monitor)?;
     Ok(CloudStatistics { class_counts: most_probable(&values, job.model.classes.len()) })
 }
 
-/// The class probabilities of all points, row-major. Returns the scene without its local descriptors, which are freed.
+/// What the classifier says of a cloud.
+struct Probable<'a> {
+    /// The cloud without its local descriptors, which are freed.
+    scene: WeakScene<'a>,
+    /// The class probabilities of all points, row-major.
+    values: Vec<f32>,
+    /// The warning about a road that was not found.
+    warning: Option<String>,
+}
+
+/// The class probabilities of all points.
 fn probabilities<'a>(
     fitted: &Fitted<WeakRecipe>,
     job: &Job<'_>,
     mut scene: WeakScene<'a>,
     monitor: &Monitor,
-) -> Result<(WeakScene<'a>, Vec<f32>)> {
+) -> Result<Probable<'a>> {
     let (Fitted { recipe, learned }, model) = (fitted, job.model);
     let sources = RoadSources { examples: &learned.road, elevation: job.params.elevation.as_ref() };
-    let paper = paper_descriptors(&scene, sources, recipe, monitor)?;
+    let PaperDescriptors { table: paper, warning } = paper_descriptors(&scene, sources, recipe, monitor)?;
     scene.local = FeatureTable::default();
     let described = DescribedCloud { scene, paper };
     let scaled = scaled_features(recipe);
     model.check_features(&described.names(scaled))?;
     let values = described.probabilities(&model.classifier, scaled, monitor)?;
-    Ok((described.scene, values))
+    Ok(Probable { scene: described.scene, values, warning })
 }

@@ -1,8 +1,8 @@
 //! Features of points: the six descriptors of Guinard & Landrieu 2017, section 2, and multi-scale features.
 
-use super::road::RoadScene;
+use super::road::{DescribedRoad, RoadScene};
 use super::{Descriptors, WeakRecipe};
-use crate::classification::{Classifier, Predictor};
+use crate::classification::{ClassWeight, Classifier, ForestParams, Predictor};
 use crate::cloud::{MetricCloud, Points};
 use crate::error::Result;
 use crate::features::definition::Group;
@@ -40,29 +40,45 @@ pub(super) struct RoadSources<'a> {
     pub(super) elevation: Option<&'a ElevationModel>,
 }
 
+/// The six descriptors of the points of a cloud.
+pub(super) struct PaperDescriptors {
+    pub(super) table: FeatureTable,
+    /// The warning about a road that was not found.
+    pub(super) warning: Option<String>,
+}
+
 /// The local descriptors, height above the road and position with respect to it.
 pub(super) fn paper_descriptors(
     scene: &WeakScene<'_>,
     sources: RoadSources<'_>,
     recipe: &WeakRecipe,
     monitor: &Monitor,
-) -> Result<FeatureTable> {
+) -> Result<PaperDescriptors> {
     monitor.stage("road", 0);
-    let mut forest = recipe.forest.clone();
-    forest.seed = forest.seed.wrapping_add(recipe.seed);
+    let forest = road_forest(recipe);
     let RoadSources { examples, elevation } = sources;
     let WeakScene { metric, points, local } = scene;
     let elevation = elevation.map(|model| model.in_metres(metric.metres)).transpose()?;
     let scene =
         RoadScene { cloud: metric.cloud, points, local, examples, forest: &forest, elevation: elevation.as_ref() };
-    let Terrain { elevation, position } = recipe.road.describe(&scene, monitor)?;
+    let DescribedRoad { terrain: Terrain { elevation, position }, warning } = recipe.road.describe(&scene, monitor)?;
     let names = local.names.iter().cloned().chain(Group::Terrain.names()).collect();
     let mut values = Vec::with_capacity(points.len() * (local.width() + 2));
     for (row, (height, place)) in local.values.chunks_exact(local.width()).zip(elevation.iter().zip(&position)) {
         values.extend_from_slice(row);
         values.extend([height, place]);
     }
-    Ok(FeatureTable { names, values })
+    Ok(PaperDescriptors { table: FeatureTable { names, values }, warning })
+}
+
+/// The forest that tells road from other points. Weights by class belong to the classes of the recipe, not to these two.
+fn road_forest(recipe: &WeakRecipe) -> ForestParams {
+    let forest = recipe.forest.clone();
+    let class_weight = match forest.class_weight {
+        ClassWeight::PerClass(_) => ClassWeight::None,
+        same => same,
+    };
+    ForestParams { class_weight, seed: forest.seed.wrapping_add(recipe.seed), ..forest }
 }
 
 /// The features besides those of the paper, if any.
@@ -129,5 +145,22 @@ impl DescribedCloud<'_> {
         let first = FirstColumns { classifier, table: &self.paper, row_of: &row_of };
         let predictor = CloudPredictor::after(first, metric, set, monitor)?;
         Ok(predictor.of_points(&row_of, points.len(), monitor)?.probabilities)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_of_the_classes_are_not_those_of_the_road() {
+        let of = |class_weight: ClassWeight| {
+            let forest = ForestParams { class_weight, seed: 2, ..ForestParams::breiman() };
+            road_forest(&WeakRecipe { seed: 3, forest, ..WeakRecipe::default() })
+        };
+        let plain = ForestParams { seed: 5, ..ForestParams::breiman() };
+        assert_eq!(of(ClassWeight::PerClass(vec![1.0, 5.0])), plain);
+        assert_eq!(of(ClassWeight::None), plain);
+        assert_eq!(of(ClassWeight::Balanced), ForestParams { class_weight: ClassWeight::Balanced, ..plain });
     }
 }

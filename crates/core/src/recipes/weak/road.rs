@@ -89,16 +89,40 @@ impl RoadParams {
     }
 
     /// Height above the road and position with respect to it.
-    pub(super) fn describe(&self, scene: &RoadScene<'_>, monitor: &Monitor) -> Result<Terrain> {
-        let mut road = self.mask(scene, monitor)?;
+    pub(super) fn describe(&self, scene: &RoadScene<'_>, monitor: &Monitor) -> Result<DescribedRoad> {
+        let mut unknown = self.unknown(scene.examples);
+        let mut road = if unknown.is_some() { Vec::new() } else { self.mask(scene, monitor)? };
         if !road.contains(&true) {
             road = self.lowest(&scene.points.positions, monitor)?;
+            unknown = unknown.or_else(|| self.absent());
         }
-        terrain(scene.points, &Ground { road: &road, model: scene.elevation }, &self.terrain, monitor)
+        let ground = Ground { road: &road, model: scene.elevation };
+        let terrain = terrain(scene.points, &ground, &self.terrain, monitor)?;
+        let warning = unknown.map(|why| format!("{why}: the lowest points stand in for the road"));
+        Ok(DescribedRoad { terrain, warning })
     }
 
+    /// Why the labels do not tell road from other points, if so and if they should.
+    fn unknown(&self, examples: &[RoadExample]) -> Option<String> {
+        let has = |road: bool| examples.iter().any(|e| e.road == road);
+        match (self.source, has(true), has(false)) {
+            (RoadSource::Learned, false, _) => Some(format!("no label is road (road.codes {:?})", self.codes)),
+            (RoadSource::Learned, true, false) => Some(format!("every label is road (road.codes {:?})", self.codes)),
+            _ => None,
+        }
+    }
+
+    /// What is said of a cloud in which no point is road.
+    fn absent(&self) -> Option<String> {
+        match self.source {
+            RoadSource::Learned => Some("no point is like the labels of road".into()),
+            RoadSource::Classification => Some(format!("no point has a class of road (road.codes {:?})", self.codes)),
+            RoadSource::Lowest => None,
+        }
+    }
+
+    /// Whether each point is road by the source.
     fn mask(&self, scene: &RoadScene<'_>, monitor: &Monitor) -> Result<Vec<bool>> {
-        let both = [true, false].iter().all(|side| scene.examples.iter().any(|e| e.road == *side));
         match self.source {
             RoadSource::Classification => {
                 let column = scene.cloud.column(names::CLASSIFICATION).ok_or_else(|| {
@@ -108,8 +132,8 @@ impl RoadParams {
                 let road: Vec<u16> = self.codes.iter().map(|&c| u16::from(c)).collect();
                 mask_of_classes(&scene.points.frame, &codes, &road)
             }
-            RoadSource::Learned if both => road_points(scene.local, scene.examples, scene.forest, monitor),
-            _ => self.lowest(&scene.points.positions, monitor),
+            RoadSource::Learned => road_points(scene.local, scene.examples, scene.forest, monitor),
+            RoadSource::Lowest => self.lowest(&scene.points.positions, monitor),
         }
     }
 
@@ -129,6 +153,14 @@ impl RoadParams {
     }
 }
 
+/// The descriptors that depend on the road.
+pub(super) struct DescribedRoad {
+    /// Height above it and position with respect to it.
+    pub(super) terrain: Terrain,
+    /// The warning that the lowest points stand in for a road that was not found, and why.
+    pub(super) warning: Option<String>,
+}
+
 /// A cloud in which the road is searched.
 pub(super) struct RoadScene<'a> {
     pub(super) cloud: &'a Cloud,
@@ -146,11 +178,52 @@ pub(super) struct RoadScene<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cloud::{Column, Values};
+
     #[test]
     fn the_lowest_points_of_a_cell_are_ground() {
         let rows = [[0.5, 0.5, 0.0], [1.0, 1.0, 0.1], [1.5, 0.5, 3.0], [2.5, 0.5, 3.0]];
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
         let lowest = RoadParams::default().lowest(&points.positions, &Monitor::default()).unwrap();
         assert_eq!(lowest, [true, true, false, true]);
+    }
+
+    /// The warning about a flat cloud without a road, whose points all have the descriptors 0.
+    fn warning(params: &RoadParams, examples: &[RoadExample]) -> Option<String> {
+        let rows: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i % 10), f64::from(i / 10), 0.0]).collect();
+        let mut cloud = Cloud::from_rows(&rows).unwrap();
+        cloud.set_column(Column::new(names::CLASSIFICATION, Values::U8(vec![6; 100]))).unwrap();
+        let points = Points::from_cloud(&cloud, 1.0);
+        let local = FeatureTable { names: ["l", "p", "s", "v"].map(String::from).into(), values: vec![0.0; 400] };
+        let forest = ForestParams { trees: 5, ..ForestParams::breiman() };
+        let scene =
+            RoadScene { cloud: &cloud, points: &points, local: &local, examples, forest: &forest, elevation: None };
+        let DescribedRoad { terrain, warning } = params.describe(&scene, &Monitor::default()).unwrap();
+        assert!(terrain.elevation.len() == 100 && terrain.elevation.iter().all(|height| height.abs() < 1e-3));
+        warning
+    }
+
+    #[test]
+    fn a_warning_tells_why_the_lowest_points_stand_in_for_the_road() {
+        let example = |road: bool, value: f32| RoadExample { descriptors: [value; 4], road };
+        let far = [vec![example(true, 1.0); 6], vec![example(false, 0.0); 60]].concat();
+        let learned = RoadParams::default();
+        for (examples, why) in [
+            (vec![], "no label is road (road.codes [2, 11])"),
+            (vec![example(false, 0.0)], "no label is road (road.codes [2, 11])"),
+            (vec![example(true, 1.0)], "every label is road (road.codes [2, 11])"),
+            (far, "no point is like the labels of road"),
+        ] {
+            let text = format!("{why}: the lowest points stand in for the road");
+            assert_eq!(warning(&learned, &examples), Some(text));
+        }
+        let classes = RoadParams { source: RoadSource::Classification, ..RoadParams::default() };
+        assert!(warning(&classes, &[]).unwrap().starts_with("no point has a class of road (road.codes [2, 11])"));
+        // Nothing is missing where the lowest points were asked for, or road is found.
+        assert_eq!(warning(&RoadParams { source: RoadSource::Lowest, ..RoadParams::default() }, &[]), None);
+        let six = RoadParams { codes: vec![6], ..classes };
+        assert_eq!(warning(&six, &[]), None);
+        let like = [vec![example(true, 0.0); 60], vec![example(false, 1.0); 6]].concat();
+        assert_eq!(warning(&learned, &like), None);
     }
 }

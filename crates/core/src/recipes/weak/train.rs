@@ -1,7 +1,7 @@
 //! Training on a few labelled points.
 
 use super::WeakRecipe;
-use super::describe::{DescribedCloud, RoadSources, WeakScene, paper_descriptors, scaled_features};
+use super::describe::{DescribedCloud, PaperDescriptors, RoadSources, WeakScene, paper_descriptors, scaled_features};
 use super::examples::{Example, WeakLabels, examples};
 use super::learned::{LabelledPosition, WeakLearned};
 use super::report::{StrengthScore, WeakReport};
@@ -49,7 +49,7 @@ pub(super) fn train(
     recipe.validate()?;
     let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
     check_classes(&data.labelled_classes())?;
-    let Study { mut recipe, studied, partitions, road, held } = study(&data, recipe, options, monitor)?;
+    let Study { mut recipe, studied, partitions, road, held, warnings } = study(&data, recipe, options, monitor)?;
     let codes: Vec<u8> = studied.iter().flat_map(|l| l.examples.iter().map(|e| e.code)).collect();
     let classes = data.class_table(&codes);
     check_classes(&classes)?;
@@ -80,7 +80,7 @@ pub(super) fn train(
         partitions,
         strengths,
         strength: recipe.regularise.strength,
-        warnings: warnings(&recipe, road_examples),
+        warnings,
     };
     let trained = Trained {
         cars: None,
@@ -108,6 +108,8 @@ struct Study<'a> {
     partitions: Vec<StrengthScore>,
     road: Vec<RoadExample>,
     held: Vec<LabelledPosition>,
+    /// Warnings for the user, each once.
+    warnings: Vec<String>,
 }
 
 /// Describes the labelled points of every cloud. The strength of the partition and the finest scale are those of the
@@ -133,10 +135,11 @@ fn study<'a>(
         let position = |point: u32| scene.metric.cloud.xyz(scene.points.frame.index[point as usize] as usize);
         held.extend(recipe.labels.remember(examples, position));
     }
-    let mut studied = Vec::new();
+    let (mut studied, mut warnings) = (Vec::new(), Vec::new());
     for Draft { mut scene, examples } in drafts {
         let sources = RoadSources { examples: &road, elevation: options.elevation.as_ref() };
-        let paper = paper_descriptors(&scene, sources, &recipe, monitor)?;
+        let PaperDescriptors { table: paper, warning } = paper_descriptors(&scene, sources, &recipe, monitor)?;
+        warnings.extend(warning.filter(|text| !warnings.contains(text)));
         scene.local = FeatureTable::default();
         let (metric, described) = (scene.metric, DescribedCloud { scene, paper });
         let density = planar_density(&described.scene.points.positions, monitor)?;
@@ -149,7 +152,7 @@ fn study<'a>(
         recipe.features.pyramid.first_scale = scale.or(recipe.features.pyramid.first_scale);
         studied.push(LabelledPoints { trial, examples, rows, density });
     }
-    Ok(Study { recipe, studied, partitions, road, held })
+    Ok(Study { recipe, studied, partitions, road, held, warnings })
 }
 
 /// The rows of all clouds; their other data are freed.
@@ -260,11 +263,4 @@ fn best_of(scores: &[StrengthScore]) -> Option<f64> {
         a.accuracy.total_cmp(&b.accuracy).then(b.strength.total_cmp(&a.strength))
     };
     scores.iter().max_by(better).map(|s| s.strength)
-}
-
-fn warnings(recipe: &WeakRecipe, road_examples: usize) -> Vec<String> {
-    match road_examples {
-        0 => vec![format!("no label is road (road.codes {:?}): the lowest points stand in for it", recipe.road.codes)],
-        _ => Vec::new(),
-    }
 }
