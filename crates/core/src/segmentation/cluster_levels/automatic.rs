@@ -38,7 +38,7 @@ pub(super) struct Prepared {
     pub(super) stacks: Stacks,
     /// In the order of the stacks, as the next.
     pub(super) normals: Vec<[f32; 3]>,
-    /// Surface variation; of points without a normal larger than of any other.
+    /// Surface variation; of points with too few neighbours larger than of any other.
     pub(super) variation: Vec<f32>,
 }
 

@@ -72,7 +72,8 @@ pub struct ClusterParams {
     pub offset: Option<f64>,
     /// How those that are absent are found.
     pub automatic: AutomaticParams,
-    /// Points with fewer points in their ball, themselves included, have no normal and are seeds last.
+    /// Points with fewer points in their ball, themselves included, begin regions last: three points are always flat. Their
+    /// normals count as those of others when regions grow.
     pub normal_points: u32,
     /// A region has the normal of its seed until it has this many points, and then that of its own plane; at least 3.
     pub first_fit: u32,

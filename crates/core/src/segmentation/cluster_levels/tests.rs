@@ -111,6 +111,28 @@ fn the_radius_of_a_square_lattice_is_the_distance_to_its_sixteenth_neighbour() {
 }
 
 #[test]
+fn heights_that_are_not_known_do_not_count() {
+    let monitor = Monitor::default();
+    // Two sheets far from each other, which are one category.
+    let rows = [sheet(40, |a, b| [a, b, 0.0]), sheet(40, |a, b| [a + 5000.0, b, 300.0])].concat();
+    let points = Positions::from_rows(&rows);
+    let found = |heights: &[f32]| {
+        let input = ClusterInput { points: &points, heights: Some(heights), colours: None };
+        let found = cluster_levels(&input, &ClusterParams::default(), &monitor).unwrap();
+        let table = found.features(ClusterForm::Descriptor, &monitor).unwrap();
+        let column = table.names.iter().position(|name| name == "ClusterHeightL3").unwrap();
+        assert_eq!(found.counts[..3], [2, 2, 1]);
+        (0..3200).map(|i| table.row(i)[column]).collect::<Vec<f32>>()
+    };
+    let half: Vec<f32> = (0..3200).map(|i| if i % 2 == 0 { 4.0 } else { f32::NAN }).collect();
+    assert_eq!(found(&half), vec![4.0; 3200]);
+    // A sheet without heights has that of the other.
+    let one: Vec<f32> = (0..3200).map(|i| if i < 1600 { 4.0 } else { f32::INFINITY }).collect();
+    assert_eq!(found(&one), vec![4.0; 3200]);
+    assert_eq!(found(&[f32::NAN; 3200]), vec![0.0; 3200]);
+}
+
+#[test]
 fn given_parameters_are_used_and_the_others_found() {
     let params = ClusterParams { radius: Some(0.5), min_size: Some(33), ..ClusterParams::default() };
     let found = automatic_parameters(&street(1.0), &params, &Monitor::default()).unwrap();

@@ -20,7 +20,8 @@ pub(super) struct Merged<'a> {
     /// Segment of each point; `None` for points without.
     pub(super) of: &'a dyn Fn(usize) -> Option<usize>,
     pub(super) objects: &'a [Object],
-    /// Height of each point above the ground, in the order of the cloud; else heights above the lowest point serve.
+    /// Height of each point above the ground, in the order of the cloud, not finite where it is not known; else heights above
+    /// the lowest point serve.
     pub(super) heights: Option<&'a [f32]>,
     /// Red, green, blue of each point, 0..=1, in the order of the cloud.
     pub(super) colours: Option<&'a [[f32; 3]]>,
@@ -37,7 +38,7 @@ pub(super) struct Third {
 
 /// k-means by Hartigan's rule on standardised descriptors of the segments: mean height, log10 of the number of points,
 /// linearity, planarity, sphericity, verticality, the lengths of the sides along the eigenvectors, and mean colour if there
-/// is any.
+/// is any. Heights that are not finite do not count; a segment without any has the mean of the others.
 ///
 /// # Errors
 /// If the work was cancelled.
@@ -68,14 +69,18 @@ fn describe(merged: &Merged<'_>, width: usize, monitor: &Monitor) -> Result<Vec<
     let lowest = merged.stacks.positions.z.iter().copied().fold(f32::INFINITY, f32::min);
     let mut sides = vec![[[f64::INFINITY, f64::NEG_INFINITY]; 3]; merged.objects.len()];
     let mut sums = vec![[0.0f64; 4]; merged.objects.len()];
+    // Points of known height.
+    let mut known = vec![0.0f64; merged.objects.len()];
     let mut looks = Looks::at(monitor);
     for i in 0..merged.stacks.len() {
         looks.steps(8)?;
         let Some(o) = (merged.of)(i) else { continue };
         let point = merged.stacks.index[i] as usize;
         let height = merged.heights.map_or(merged.stacks.positions.z[i] - lowest, |heights| heights[point]);
-        // Heights are not known where the ground is not.
-        sums[o][0] += if height.is_finite() { f64::from(height) } else { 0.0 };
+        if height.is_finite() {
+            sums[o][0] += f64::from(height);
+            known[o] += 1.0;
+        }
         if let Some(colours) = merged.colours {
             (0..3).for_each(|c| sums[o][1 + c] += f64::from(colours[point][c]));
         }
@@ -85,17 +90,27 @@ fn describe(merged: &Merged<'_>, width: usize, monitor: &Monitor) -> Result<Vec<
             *side = [side[0].min(along), side[1].max(along)];
         }
     }
+    let heights = mean_heights(&sums, &known);
     let mut values = Vec::with_capacity(merged.objects.len() * width);
     for (o, object) in merged.objects.iter().enumerate() {
         let count = object.spread.count.max(1.0);
         let shape = Shape::of::<Exact>(eigen[o].values);
         let upright = 1.0 - eigen[o].vectors[2][2].abs();
-        values.extend([sums[o][0] / count, count.log10()]);
+        values.extend([heights[o], count.log10()]);
         values.extend([shape.linearity, shape.planarity, shape.scattering, upright]);
         values.extend(sides[o].map(|[low, high]| if high > low { high - low } else { 0.0 }));
         values.extend((1..1 + width - PLAIN).map(|c| sums[o][c] / count));
     }
     Ok(values)
+}
+
+/// The mean of the known heights of each segment, whose sums come first; without any the mean of the other segments.
+fn mean_heights(sums: &[[f64; 4]], known: &[f64]) -> Vec<f64> {
+    let own = |o: usize| (known[o] > 0.0).then(|| sums[o][0] / known[o]);
+    let means: Vec<Option<f64>> = (0..sums.len()).map(own).collect();
+    let told: Vec<f64> = means.iter().flatten().copied().collect();
+    let middle = told.iter().sum::<f64>() / told.len().max(1) as f64;
+    means.into_iter().map(|mean| mean.unwrap_or(middle)).collect()
 }
 
 /// Columns of mean 0 and standard deviation 1; 0 where all values are equal.
