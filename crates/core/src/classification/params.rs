@@ -3,13 +3,15 @@
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// Position of the threshold between two neighbouring values.
+/// Position of the threshold between two neighbouring values of the samples in a node. With [`Splitter::Histogram`] it is one of
+/// the borders of bins between the two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Trainer {
-    /// In the middle (CART; Breiman 2001).
+    /// In the middle (CART; Breiman 2001); the middle border.
     Breiman,
-    /// Uniformly random in between (template library of ETH Zurich, used by Hackel 2018).
+    /// Uniformly random in between (template library of ETH Zurich, used by Hackel 2018); a random border, which is the only one
+    /// if the bins are neighbours.
     Ethz,
 }
 
@@ -102,9 +104,9 @@ pub(super) fn single(weight: f64) -> Result<f32> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Splitter {
-    /// On values quantised to at most `max_bins` bins: the fast variant.
+    /// On values quantised to at most `max_bins` bins: the fast variant. All thresholds are borders of these bins.
     Histogram,
-    /// On the sorted raw values: the slow reference. At most 65535 different thresholds a feature in a forest.
+    /// On the sorted raw values: the slow reference, whose thresholds may lie anywhere between two values. At most 65535 different thresholds a feature in a forest.
     Exact,
 }
 

@@ -43,8 +43,9 @@ class RandomForestClassifier(ForestClassifier):
     bootstrap : bool
         Train each tree on a random sample; if False, on all samples.
     trainer : {"breiman", "ethz"}
-        "breiman": thresholds midway between values, samples drawn with replacement. "ethz" (Hackel et al. 2016):
-        thresholds at random between values, 63.2 % of the samples drawn without replacement.
+        Thresholds are borders of bins, which lie midway between values. "breiman": the middle one of those between two
+        occupied bins, samples drawn with replacement. "ethz" (Hackel et al. 2016): one of those at random, the same if there
+        is only one; 63.2 % of the samples drawn without replacement.
     max_bins : int
         Largest number of bins of a feature, 2..255.
     oob_score : bool
