@@ -121,7 +121,10 @@ def _laspy_crs(header: Any) -> str | None:
             return str(text).rstrip("\0")
     values = _geo_keys(header)
     code = values.get(3072, values.get(2048) if values.get(1024) == 2 else None)
-    return f"EPSG:{code}" if code not in (None, 0, 32767) else None
+    heights = values.get(4096)
+    if code in (None, 0, 32767):
+        return None
+    return f"EPSG:{code}" if heights in (None, 0, 32767) else f"EPSG:{code}+{heights}"
 
 
 def _geo_keys(header: Any) -> dict[int, int]:
