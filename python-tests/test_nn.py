@@ -289,6 +289,15 @@ def test_training_goes_on_from_a_checkpoint_to_the_same_bytes(tmp_path):
             "network": "mnist",
             "settings": {"network.hidden": 4, "network.levels": [{"channels": [2], "density": 0.5}]},
         },
+        # Of the same shape as with any other name.
+        {
+            "network": "modelnet-paper",
+            "settings": {
+                "network.hidden": 4,
+                "network.levels": [{"channels": [2], "density": 0.5}],
+                "network.deviation": "none",
+            },
+        },
     ],
 )
 def test_loaded_networks_have_the_parameters_of_their_file(tmp_path, parameters):

@@ -95,10 +95,11 @@ impl ObjectTraining {
         self.locked().epochs()
     }
 
-    /// The network as it is now; `labels` says what the names of the classes stand for.
-    fn model(&self, labels: &str) -> PyResult<ObjectModel> {
+    /// The network as it is now; `labels` says what the names of the classes stand for, `preset` with which settings it began.
+    fn model(&self, labels: &str, preset: &str) -> PyResult<ObjectModel> {
         let mut inner = self.locked().model();
         inner.about.labels = Some(json::settings::<LabelKind>(labels)?);
+        inner.about.preset = Some(preset.into());
         Ok(ObjectModel { inner })
     }
 

@@ -168,7 +168,7 @@ class VoxelClassifier(Classifier):
                 history.append({**report, "seconds": time.perf_counter() - start})
                 if path is not None:
                     training.save(path, objects)
-        self._model = training.model(json.dumps(kind))
+        self._model = training.model(json.dumps(kind), self.network)
         self.classes_, self.shape_, self.settings_, self.history_ = classes, shape, settings, history
         return self
 
@@ -258,18 +258,19 @@ class VoxelClassifier(Classifier):
     def load(cls: type[Self], path: str | os.PathLike[str]) -> Self:
         """A network from a file that `save` wrote.
 
-        Parameters are those that give a network of the same shape, so that a clone is fitted with it: `network` (that of the
-        names which is nearest), `resolution`, `density`, `dense` and the rest in `settings`. The file has none of the training
-        (epochs, learning rate, seed and others), which are those of `network`.
+        Parameters are those that give a network of the same shape, so that a clone is fitted with it: `network`,
+        `resolution`, `density`, `dense` and the rest in `settings`. The file has none of the training (epochs, learning rate,
+        seed and others), which are those of `network`.
 
         Parameters
         ----------
         path : path
-            A file of a version that did not store the type of labels has whole numbers as classes if all names are.
+            A file of a version that did not store the type of labels has whole numbers as classes if all names are; `network`
+            is the nearest where its name is not stored.
         """
         model = _core.ObjectModel.load(os.fspath(path))
         about = json.loads(model.about())
-        own = cls(**_parameters(about["network"], about["shape"]))
+        own = cls(**_parameters(about["network"], about["shape"], about.get("preset")))
         own._model = model
         own.classes_ = _labels(about["classes"], about.get("labels"))
         own.shape_ = about["shape"]
@@ -301,14 +302,16 @@ class VoxelClassifier(Classifier):
                 self._model = _core.ObjectModel.load(os.fspath(path))
 
 
-def _parameters(network: dict[str, Any], shape: dict[str, Any]) -> dict[str, Any]:
-    """The parameters that give such a network for objects of this shape, with as few settings as there can be."""
+def _parameters(network: dict[str, Any], shape: dict[str, Any], known: str | None) -> dict[str, Any]:
+    """The parameters that give such a network for objects of this shape, with as few settings as there can be; ``known`` is
+    the name it was trained by."""
     extent, first = shape["extent"], network["levels"][0]["density"]
     levels: list[tuple[bool, float | None]] = [(False, None), (True, None)]
     if first != "none":
         levels.append((False, first))
     found: list[dict[str, Any]] = []
-    for name, (dense, density) in itertools.product(_NETWORKS, levels):
+    names = (known,) if known in _NETWORKS else _NETWORKS
+    for name, (dense, density) in itertools.product(names, levels):
         preset = json.loads(_core.object_preset(name, min(extent), density, dense))["network"]
         settings = {f"network.{key}": value for key, value in network.items() if preset[key] != value}
         found.append({"network": name, "density": density, "dense": dense, "settings": settings})

@@ -72,6 +72,7 @@ impl ObjectTraining {
             shape: objects.shape.clone(),
             classes: classes.to_vec(),
             labels: None,
+            preset: None,
         };
         about.check_samples(objects)?;
         let (net, parameters) = ObjectNet::new::<f32>(network, &objects.shape, classes.len(), learning.seed)?;

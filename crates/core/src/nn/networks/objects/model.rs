@@ -41,6 +41,10 @@ pub struct ObjectModelAbout {
     /// What the names of the classes stand for; absent in files of older versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub labels: Option<LabelKind>,
+    /// Name of the settings that network and training began with, of [`ObjectPreset::NAMES`](super::ObjectPreset::NAMES);
+    /// absent in files of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub preset: Option<String>,
 }
 
 impl ObjectModelAbout {
@@ -176,7 +180,8 @@ mod tests {
         let (net, parameters) = ObjectNet::new(&network, &shape, 2, 1).unwrap();
         let kept = vec![(0..parameters.get(net.sparse_weights()[0]).len() as u64).collect()];
         let classes = vec!["1".into(), "2".into()];
-        let about = ObjectModelAbout { network, shape, classes, labels: Some(LabelKind::Text) };
+        let about =
+            ObjectModelAbout { network, shape, classes, labels: Some(LabelKind::Text), preset: Some("mnist".into()) };
         ObjectModel { about, parameters, kept }
     }
 
@@ -202,13 +207,14 @@ mod tests {
     }
 
     #[test]
-    fn files_without_the_kind_of_their_labels_are_read() {
+    fn files_without_the_kind_of_their_labels_and_a_name_are_read() {
         let arrays = small().to_arrays().unwrap();
         let mut old = arrays.clone();
-        old.text = old.text.replace(r#","labels":"text""#, "");
+        old.text = old.text.replace(r#","labels":"text","preset":"mnist""#, "");
         assert_ne!(old.text, arrays.text);
-        assert_eq!(ObjectModel::from_arrays(&old).unwrap().about.labels, None);
-        assert_eq!(ObjectModel::from_arrays(&arrays).unwrap().about.labels, Some(LabelKind::Text));
+        let about = |arrays: &Arrays| ObjectModel::from_arrays(arrays).unwrap().about;
+        assert_eq!([about(&old).labels, about(&arrays).labels], [None, Some(LabelKind::Text)]);
+        assert_eq!([about(&old).preset, about(&arrays).preset], [None, Some("mnist".into())]);
     }
 
     #[test]
