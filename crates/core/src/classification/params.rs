@@ -106,7 +106,8 @@ pub(super) fn single(weight: f64) -> Result<f32> {
 pub enum Splitter {
     /// On values quantised to at most `max_bins` bins: the fast variant. All thresholds are borders of these bins.
     Histogram,
-    /// On the sorted raw values: the slow reference, whose thresholds may lie anywhere between two values. At most 65535 different thresholds a feature in a forest.
+    /// On the sorted raw values: the slow reference, whose thresholds may lie anywhere between two values. At most 65535
+    /// different thresholds a feature in a forest.
     Exact,
 }
 

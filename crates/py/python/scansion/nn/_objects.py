@@ -61,8 +61,9 @@ class VoxelClassifier(Classifier):
         ``learning.regulariser.strength`` (twice the λ of the thesis), ``learning.pruning``, ``learning.augment.turn`` and
         others; `settings_` lists all.
         ``learning.optimiser`` is a mapping of one name to its values, of which those that are absent are PyTorch's:
-        ``{"adagrad": {"epsilon": 1e-10}}``, ``{"adadelta": {"rho": 0.9, "epsilon": 1e-6}}``, ``{"sgd": {"momentum": 0, "decay": 0}}``
-        or ``{"adam-w": {"beta1": 0.9, "beta2": 0.999, "epsilon": 1e-8, "decay": 0.01}}``.
+        ``{"adagrad": {"epsilon": 1e-10}}``, ``{"adadelta": {"rho": 0.9, "epsilon": 1e-6}}``,
+        ``{"sgd": {"momentum": 0, "decay": 0}}`` or
+        ``{"adam-w": {"beta1": 0.9, "beta2": 0.999, "epsilon": 1e-8, "decay": 0.01}}``.
     random_state : int, numpy.random.RandomState or None
         Seed; None means 0.
     n_jobs : int, optional
