@@ -97,6 +97,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         for extension in ["las", "laz"] {
             let [sound, damaged] = files(folder.path(), extension);
+            let copy = folder.path().join(format!("c.{extension}"));
+            std::fs::copy(&sound, &copy).unwrap();
             for (file, expected) in [(&sound, 0), (&damaged, 1)] {
                 let told = |work: &dyn Fn(&Monitor)| {
                     let monitor = Monitor::default();
@@ -114,7 +116,7 @@ mod tests {
                 told(&|m| drop(io::convert(file, &out, &ConvertParams::default(), &write(m)).unwrap()));
                 told(&|m| drop(io::convert(file, &out.with_extension("ply"), &Default::default(), &write(m)).unwrap()));
                 told(&|m| drop(io::rewrite(file, &out, &[], &write(m)).unwrap()));
-                told(&|m| drop(io::merge(&[file.clone(), sound.clone()], &out, &write(m)).unwrap()));
+                told(&|m| drop(io::merge(&[file.clone(), copy.clone()], &out, &write(m)).unwrap()));
                 told(&|m| {
                     drop(io::diff(file, &sound, &ReadOptions { monitor: m.clone(), ..ReadOptions::default() }).unwrap())
                 });
