@@ -41,7 +41,7 @@ impl LabelMap {
         }
     }
 
-    /// The entries of the map's text that change none of these codes, as text: `99`, `7-9`.
+    /// The entries of the map's text that name none of these codes, as text: `99`, `7-9`.
     pub fn unused(&self, codes: &[u8]) -> Vec<String> {
         let used = |[low, high]: [u32; 2]| codes.iter().any(|&code| (low..=high).contains(&u32::from(code)));
         let text = |[low, high]: [u32; 2]| if low == high { low.to_string() } else { format!("{low}-{high}") };

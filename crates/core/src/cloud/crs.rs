@@ -90,7 +90,7 @@ pub fn vertical_of(crs: &str) -> Option<Vertical> {
     (found != Vertical::default()).then_some(found)
 }
 
-/// What to tell the user of a vertical system whose unit neither the cloud nor our table tells.
+/// What to tell the user of a vertical system whose unit our table does not tell.
 pub fn unknown_vertical(crs: &str) -> Option<String> {
     match vertical_of(crs)? {
         Vertical { code: Some(code), metres_per_unit: None } => Some(format!(
@@ -103,8 +103,15 @@ pub fn unknown_vertical(crs: &str) -> Option<String> {
 /// The horizontal system (`EPSG:n`) and what is stated of heights as one text: `EPSG:n+m`, or WKT if the unit of heights
 /// is not the one that the vertical system, or else x and y, have. `metres` are those per unit of x and y.
 pub fn with_heights(plane: Option<String>, metres: Option<f64>, heights: Vertical) -> Option<String> {
-    let usual = heights.code.and_then(|code| Node::parse(vertical_wkt(code)?)?.vertical()).or(metres).unwrap_or(1.0);
-    let own = heights.metres_per_unit.filter(|&own| !same_length(own, usual));
+    let of_code = heights.code.and_then(|code| Node::parse(vertical_wkt(code)?)?.vertical());
+    let own = match plane {
+        Some(_) => heights.metres_per_unit.filter(|&own| !same_length(own, of_code.or(metres).unwrap_or(1.0))),
+        // No code stands for the whole then.
+        None => heights
+            .metres_per_unit
+            .or(of_code)
+            .filter(|&own| heights.code.is_some() || metres.is_some_and(|metres| !same_length(own, metres))),
+    };
     let short = plane.as_ref().map(|plane| match heights.code {
         Some(code) => format!("{plane}+{code}"),
         None => plane.clone(),
@@ -169,6 +176,11 @@ pub fn same(a: &str, b: &str) -> bool {
     let plane = |crs| codes_of(crs).horizontal;
     let equal = |one: Option<u16>, other: Option<u16>| one.is_some() && one == other;
     a == b || ((equal(whole(a), whole(b)) || equal(plane(a), plane(b))) && heights_agree(a, b))
+}
+
+/// The first of two systems that are the same, or the other if only that tells of heights.
+pub fn more_told(first: String, other: &str) -> String {
+    if vertical_of(&first).is_none() && vertical_of(other).is_some() { other.to_string() } else { first }
 }
 
 /// Whether two systems do not contradict each other about heights.
@@ -512,6 +524,13 @@ mod tests {
         let local = with_heights(None, Some(1.0), feet).unwrap();
         assert!(!is_place(&local) && unit_of(&local) == Some(Unit::Length(1.0)) && vertical_of(&local) == Some(feet));
         assert_eq!(with_heights(None, None, feet), None);
+        // A plane in feet without a code, heights in metres with one.
+        for metres_per_unit in [None, Some(1.0)] {
+            let heights = Vertical { code: Some(5703), metres_per_unit };
+            let local = with_heights(None, Some(0.3048), heights).unwrap();
+            assert_eq!(vertical_of(&local), Some(Vertical { code: Some(5703), metres_per_unit: Some(1.0) }));
+            assert_eq!(unit_of(&local), Some(Unit::Length(0.3048)));
+        }
     }
 
     #[test]

@@ -65,8 +65,8 @@ fn share(a: f64, b: f64) -> f64 {
 pub fn no_point_to_score(unlabelled: u64) -> Error {
     Error::input(match unlabelled {
         0 => "no point to score: there is none in the truth".to_string(),
-        1 => "no point to score: the only point of the truth is unlabelled".to_string(),
-        many => format!("no point to score: all {many} points of the truth are unlabelled"),
+        1 => "no point to score: the only point of the truth is unlabelled, or its class is left out".to_string(),
+        many => format!("no point to score: all {many} points of the truth are unlabelled, or their classes left out"),
     })
 }
 

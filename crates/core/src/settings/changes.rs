@@ -87,13 +87,15 @@ pub(crate) fn changed<'a, T: DeserializeOwned + Serialize>(
 /// Puts the given values into a table. `before` is that table with all values written out, from which it is known where a
 /// choice is; `None` among the values of a choice that was not there before.
 fn put(table: &mut Table, given: Table, before: Option<&Value>) {
-    if let Some(before) = before {
-        choose(table, &given, before);
-    }
     for (key, value) in given {
         let own = before.and_then(|before| before.get(&key));
         match (table.get_mut(&key), value) {
-            (Some(Value::Table(here)), Value::Table(value)) => put(here, value, own),
+            (Some(Value::Table(here)), Value::Table(value)) => {
+                if let Some(own) = own {
+                    choose(here, &value, own);
+                }
+                put(here, value, own);
+            }
             (_, value) => {
                 table.insert(key, value);
             }

@@ -2,7 +2,7 @@
 
 use super::{Georeference, NODATA, row_from_north};
 use crate::cloud::Raster;
-use crate::cloud::crs::{Codes, LinearUnit, Unit, codes_of, part_of, unit_of, vertical_unit_of, wkt};
+use crate::cloud::crs::{Codes, LinearUnit, Unit, codes_of, part_of, unit_of, vertical_unit_of, wkt, wkt_of};
 use crate::error::{Error, Result};
 use crate::io::atomic::AtomicFile;
 use crate::memory;
@@ -118,7 +118,7 @@ enum Model {
 impl Model {
     /// Codes that are not in our table are taken for projected systems.
     fn of(crs: &str) -> Self {
-        let wkt = wkt(crs).unwrap_or_default();
+        let wkt = codes_of(crs).horizontal.and_then(wkt_of).or_else(|| wkt(crs)).unwrap_or_default();
         match unit_of(crs) {
             Some(Unit::Degrees) => Self::Geographic,
             _ if wkt.starts_with("GEOCCS[") => Self::Geocentric,

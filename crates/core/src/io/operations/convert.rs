@@ -121,11 +121,16 @@ fn losses(cloud: &crate::Cloud, back: &crate::Cloud, options: &WriteOptions) -> 
         notes.push(format!("not kept: {}", found.only_in[0].join(" ")));
     }
     for field in &found.fields {
-        let (name, points) = (&field.name, field.differing);
-        notes.push(match field.largest.is_nan() {
-            true => format!("{name}: changed in {points} points"),
-            false => format!("{name}: rounded in {points} points, by {:.3e} at most", field.largest),
-        });
+        let (name, points) = (&field.name, field.differing - field.one_sided);
+        if points > 0 {
+            notes.push(match field.largest.is_nan() {
+                true => format!("{name}: changed in {points} points"),
+                false => format!("{name}: rounded in {points} points, by {:.3e} at most", field.largest),
+            });
+        }
+        if field.one_sided > 0 {
+            notes.push(format!("{name}: a number became none, or none a number, in {} points", field.one_sided));
+        }
     }
     Ok(notes)
 }

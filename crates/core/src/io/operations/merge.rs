@@ -1,7 +1,7 @@
 //! Merges several files into one.
 
 use super::select::lost_system;
-use crate::cloud::crs::same_length;
+use crate::cloud::crs::{more_told, same_length};
 use crate::cloud::{Cloud, CodeScheme, Column, Coordinates, Values};
 use crate::error::{Error, Result};
 use crate::io::atomic::check_place;
@@ -15,13 +15,11 @@ use std::path::{Path, PathBuf};
 /// LAS and LAZ are streamed: point source ids and all other fields are kept, coordinates are converted exactly to a
 /// common grid, and the point format has all fields of the inputs. The header, and records that differ only in content,
 /// are those of the first input. Other formats are read and written. A dimension that some inputs lack is 0 there,
-/// which a note reports. Time linear in the points.
+/// which a note reports. A file that is an input more than once is warned of. Time linear in the points.
 ///
 /// # Errors
 /// If there are no inputs, reference systems or kinds of GPS time differ, no common grid represents all coordinates
 /// exactly, or dimensions with the same name have different types.
-///
-/// A file that is an input more than once is warned of.
 pub fn merge(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Result<RewriteReport> {
     if inputs.is_empty() {
         return Err(Error::input("nothing to merge: no input"));
@@ -114,7 +112,10 @@ fn common_place(parts: &[Cloud], paths: &[PathBuf], notes: &mut Vec<String>) -> 
                 path.display()
             )));
         }
-        common.crs = common.crs.or_else(|| part.crs.clone());
+        common.crs = match (common.crs, &part.crs) {
+            (Some(known), Some(own)) => Some(more_told(known, own)),
+            (known, own) => known.or_else(|| own.clone()),
+        };
         common.metres_per_unit = common.metres_per_unit.or(part.metres_per_unit);
     }
     Ok(common)

@@ -102,8 +102,8 @@ impl<T: Scalar> Strongest<T> {
         }
     }
 
-    /// Counts responses above 0 and keeps those that are stronger than the least of their channel. Plain loops over local copies, which
-    /// the compiler turns into operations on all channels at once.
+    /// Counts responses above 0 and keeps those that are stronger than the least of their channel. Plain loops over local
+    /// copies, which the compiler turns into operations on all channels at once.
     #[inline(always)]
     fn keep(&mut self, first: usize, sums: &[Sums<T>; MARKED], strength: impl Fn(T) -> T) {
         let (bias, least) = (self.bias, self.least);

@@ -20,9 +20,9 @@ use sorted::Sorted;
 /// The seeds are the centroids of the voxels of edge S with at least `min_points` points. A point p is assigned to the
 /// seed of least D² = (w_s ‖p − s‖/(√3 S))² + (w_c ‖c_p − c_s‖/√3)² + (w_n ∠(n_p, n_s)/(π/2))² among those whose cube s
 /// ± S contains it; the angle is unsigned (Eq. 1), ties go to the first seed. Then each seed moves to the mean of its
-/// points, with their mean colour and the normal of their plane (while they lie on a line, the mean axis of their
-/// normals), and the points are assigned anew. Points outside all cubes join the nearest seed if it is at most 2 √3 S
-/// away, else they have none.
+/// points, with their mean colour and the normal of their plane (if they lie on a line it stays, and is at first the
+/// mean axis of their normals), and the points are assigned anew. Points outside all cubes join the nearest seed if it
+/// is at most 2 √3 S away, else they have none.
 ///
 /// O(rounds · n) for points of even density, 60 bytes a point besides the result. Deterministic for any number of
 /// threads.

@@ -204,7 +204,7 @@ fn members(points: &Points, polygons: &[Polygon], heights: &[f32], monitor: &Mon
         let at = [f64::from(points.positions.x[row]), f64::from(points.positions.y[row])];
         let around = Aabb::new(vector(at), vector(at));
         let inside = || tree.intersect_aabb(&around).filter(|&n| polygons[n as usize].holds(at)).min();
-        corners.get(&key(at)).copied().or_else(inside)
+        corners.get(&key(at)).copied().into_iter().chain(inside()).min()
     };
     let parts = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
         let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());

@@ -4,6 +4,7 @@ use super::grid::Grid;
 use super::plan::describe;
 use super::promote;
 use super::tail::Tail;
+use crate::cloud::crs::vertical_of;
 use crate::error::{Error, Result};
 use crate::io::info::{NamedCrs, check_crs};
 use crate::io::las::chunks::unpack::slab;
@@ -83,12 +84,18 @@ fn part(path: &Path) -> Result<Part> {
 /// Checks that reference systems and kinds of GPS time are the same, and that at most one file has waveforms.
 fn check(parts: &[Part], notes: &mut Vec<String>) -> Result<()> {
     let first = &parts[0];
+    // The first input, or the first after it that tells of heights.
+    let mut told = first;
     for part in parts {
         check_crs(
-            NamedCrs::new(&first.path, first.crs.as_deref()),
+            NamedCrs::new(&told.path, told.crs.as_deref()),
             NamedCrs::new(&part.path, part.crs.as_deref()),
             notes,
         )?;
+        let heights = |part: &Part| part.crs.as_deref().and_then(vertical_of).is_some();
+        if told.crs.is_some() && !heights(told) && heights(part) {
+            told = part;
+        }
         let time = |p: &Part| p.header.time();
         if time(part) != time(first) {
             let text = "has another kind of GPS time (global encoding, bits 0 and 6, and time offset) than";

@@ -7,8 +7,8 @@ use crate::linalg::Sym3;
 use crate::parallel::{Monitor, watched};
 use rayon::prelude::*;
 
-/// A cluster centre: mean position, normal of the plane and mean colour of its points. Until its points define a plane, the
-/// normal is the mean axis of theirs.
+/// A cluster centre: mean position, normal of the plane and mean colour of its points. The normal is at first the mean axis of
+/// theirs if they lie on a line; later it stays while they do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Centre {
     pub(super) place: [f32; 3],
