@@ -141,7 +141,7 @@ def test_scores_do_not_depend_on_the_place_on_earth():
     assert here["precision"] == here["recall"] == 1
     assert contours.score([], [line])["f1"] == 0 and contours.score([], [])["f1"] is None
     both = contours.score([beside, line + 5], [line], unsure=[line + 5])
-    assert both["precision"] == 1 and both["unsure"] == 101
+    assert both["precision"] == 1 and both["unsure"] == 51
     points = far + np.column_stack([np.arange(20) * 0.01, np.zeros(20), np.zeros(20)])
     marks = contours.score_points(points, np.arange(20) < 5, np.ones(20, bool), forgiven=0.0301)
     assert (marks["correct"], marks["false_negatives"]) == (5, 3)
