@@ -195,3 +195,9 @@ def test_weights_go_through_scikit_learns_metadata_routing():
         weighted = GridSearchCV(asked, {"max_depth": [2]}, cv=2).fit(X, y, sample_weight=weights)
         # All but a few are taken for the heavy class, which is half of the rows.
         assert search.best_score_ < 0.7 and weighted.best_score_ > 0.95
+
+
+def test_a_request_without_an_argument_changes_nothing():
+    with config_context(enable_metadata_routing=True):
+        forest = RandomForestClassifier().set_fit_request(sample_weight=True).set_fit_request()
+        assert forest.get_metadata_routing().fit.requests == {"sample_weight": True}

@@ -6,8 +6,8 @@ Needs: pip install . matplotlib scikit-learn scipy laspy[lazrs]; PROGRAM (defaul
 (all by default). Curves are drawn to docs/pictures/contour_curves.png.
 
 Synthetic scenes have seeds from which nothing was learned or chosen. Distances are those of the thesis (6 cm, 3 cm, samples
-every 2 cm) for voxels of 0.1 m, in proportion to the voxel. Recall by length also counts missing samples near each other. Edges beside which points are at most a voxel apart count; what is found along the others
-counts neither way.
+every 2 cm) for voxels of 0.1 m, in proportion to the voxel. Recall by length also counts missing samples near each other.
+Edges beside which points are at most a voxel apart count; what is found along the others counts neither way.
 """
 
 import pathlib

@@ -30,7 +30,7 @@ class PointCloud:
     xyz : array_like of shape (n, 3)
         Coordinates in the unit of the reference system.
     crs : str, optional
-        Coordinate reference system, as WKT or ``EPSG:n``; it defines the unit.
+        Coordinate reference system, as WKT, ``EPSG:n``, or ``EPSG:n+m`` with a vertical system m; it defines the unit.
     metres_per_unit : float, optional
         Metres per unit of the coordinates (0.3048 for feet).
     **columns : array_like of shape (n,)
@@ -142,7 +142,7 @@ class PointCloud:
 
     @property
     def crs(self) -> str | None:
-        """Coordinate reference system as the file states it (WKT, or ``EPSG:n``)."""
+        """Coordinate reference system as the file states it: WKT, ``EPSG:n``, or ``EPSG:n+m`` with a vertical system m."""
         return self._native.crs
 
     @crs.setter

@@ -10,6 +10,9 @@ from typing import Any, TypeVar
 
 Self = TypeVar("Self", bound="Routed")
 
+UNCHANGED = "$UNCHANGED$"
+"""The value of an argument that was not given, as in scikit-learn."""
+
 
 class Routed:
     """An estimator whose ``fit`` takes weights of samples."""
@@ -31,13 +34,14 @@ class Routed:
 
     _get_metadata_request = get_metadata_routing
 
-    def set_fit_request(self: Self, *, sample_weight: bool | str | None = None) -> Self:
+    def set_fit_request(self: Self, *, sample_weight: bool | str | None = UNCHANGED) -> Self:
         """Whether meta-estimators of scikit-learn hand ``sample_weight`` to `fit`; needs ``enable_metadata_routing``.
 
         Parameters
         ----------
         sample_weight : bool, str or None
-            True: they do if it is given, False: they do not, None: it is an error if it is given, text: its name there.
+            True: they do if it is given, False: they do not, None: it is an error if it is given, text: its name there. What was
+            asked for before stays without this argument.
         """
         return self._request("fit", sample_weight)
 
@@ -49,6 +53,8 @@ class Routed:
                 "This method is only available when metadata routing is enabled. You can enable it using "
                 "sklearn.set_config(enable_metadata_routing=True)."
             )
+        if alias == UNCHANGED:
+            return self
         request = self.get_metadata_routing()
         getattr(request, method).add_request(param="sample_weight", alias=alias)
         self._metadata_request = request
@@ -60,7 +66,7 @@ class RoutedInScore(Routed):
 
     _weighted = ("fit", "score")
 
-    def set_score_request(self: Self, *, sample_weight: bool | str | None = None) -> Self:
+    def set_score_request(self: Self, *, sample_weight: bool | str | None = UNCHANGED) -> Self:
         """Whether meta-estimators of scikit-learn hand ``sample_weight`` to `score`, as `set_fit_request`.
 
         Parameters

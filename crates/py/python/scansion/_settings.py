@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -140,8 +141,9 @@ def _is_whole(value: Any) -> bool:
 def share(value: Any, name: str, limits: tuple[float, float] = (0, 1)) -> float:
     """A number between two limits, both included."""
     low, high = limits
-    number = isinstance(value, (int, float, np.integer, np.floating)) and np.isfinite(value)
-    if not number or not low <= value <= high:
+    number = isinstance(value, (int, float, np.integer, np.floating))
+    # NaN is in no range.
+    if not number or not low <= value <= high or value > sys.float_info.max:
         kind = f"a share in {low}..{high}" if high < np.inf else f"a finite number, {low} or more"
         raise ValueError(f"{name}: found {value!r}, expected {kind}")
     return float(value)

@@ -74,7 +74,8 @@ def _first(wrong: NDArray[np.bool_]) -> str:
     names = ("row", "column") if wrong.ndim == 2 else ("index",)
     place = ", ".join(f"{name} {i}" for name, i in zip(names, at, strict=True))
     count = int(np.count_nonzero(wrong))
-    return f" at {place}" + (f" and {count - 1} other places" if count > 1 else "")
+    others = {1: "", 2: " and 1 other place"}.get(count, f" and {count - 1} other places")
+    return f" at {place}{others}"
 
 
 def labels(values: Any, rows: int, name: str) -> NDArray[Any]:

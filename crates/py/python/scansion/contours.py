@@ -386,9 +386,9 @@ def score(
 ) -> dict[str, float | None]:
     """Precision and recall of lines by the rules of the thesis (section 4.6.2).
 
-    A part of the reference that was not found counts once in ``forgiven`` metres or more, a part that was found at every
-    sample: recall depends on ``step``, whose default is the thesis's distance of points along contours.
-    ``recall_by_length`` weighs both alike.
+    A missing part of the reference counts once every ``forgiven`` metres or more, a found part at every sample. Recall therefore
+    depends on ``step``, whose default is the thesis's distance of points along contours. ``recall_by_length`` weighs both
+    alike.
 
     Parameters
     ----------
