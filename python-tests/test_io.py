@@ -270,3 +270,15 @@ def test_floats_that_las_holds_go_to_laspy():
     las = scansion.PointCloud(np.eye(1, 3), **{name: [value] for name, value in columns.items()}).to_laspy()
     found = [las.classification[0], las.intensity[0], las.return_number[0], las.withheld[0]]
     assert found == [255, 65_535, 15, 1] and np.isnan(las.gps_time[0])
+
+
+@pytest.mark.parametrize("extension", ["las", "npz"])
+@pytest.mark.parametrize("order", [(0, 1, 2), (1, 2, 0), (1, 0, 2)])
+def test_heights_that_differ_are_not_merged_in_any_order(tmp_path, extension, order):
+    systems = ["EPSG:26910", "EPSG:26910+5703", "EPSG:26910+6360"]
+    paths = [tmp_path / f"{number}.{extension}" for number in range(3)]
+    for path, crs in zip(paths, systems, strict=True):
+        scansion.write(path, scansion.PointCloud(np.arange(30.0).reshape(10, 3), crs=crs))
+    scansion.merge(paths[:2], tmp_path / f"both.{extension}")
+    with pytest.raises(ValueError, match="system than"):
+        scansion.merge([paths[number] for number in order], tmp_path / f"all.{extension}")
