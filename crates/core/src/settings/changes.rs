@@ -8,19 +8,33 @@ use toml::{Table, Value};
 /// Largest number of parts of a key; those of recipes have up to five.
 const DEEPEST: usize = 16;
 
-/// Sets each `a.b.c=value`, one after the other, in a TOML table in which all values are written out.
+/// Sets each `a.b.c=value`, one after the other, in a TOML table in which all values are written out, and reads the result.
 ///
 /// A choice that has values of its own is a table of one key, its name. The name of another choice takes its place; all
 /// values of the new one can be set, each by itself: `optimiser.sgd.momentum=0.9`, then `optimiser.sgd.decay=0.01`.
 ///
+/// A section of one key looks like a choice too, so that a wrong key in it would give way to the right one that follows.
+/// Each setting is therefore read by itself first; it may lack values of its choice, which others can give.
+///
 /// # Errors
-/// If a setting has no `=`, an empty key, or a key of too many parts.
-pub(crate) fn set_keys<'a>(table: &mut Table, settings: impl IntoIterator<Item = &'a str>) -> Result<()> {
+/// If a setting has no `=`, an empty key, or a key of too many parts; as `read`.
+pub(crate) fn with_keys<'a, T>(
+    table: &Table,
+    settings: impl IntoIterator<Item = &'a str>,
+    read: impl Fn(Table) -> Result<T>,
+) -> Result<T> {
     let before = Value::Table(table.clone());
-    settings.into_iter().try_for_each(|setting| {
-        put(table, parsed(setting)?, Some(&before));
-        Ok(())
-    })
+    let mut all = table.clone();
+    for setting in settings {
+        let given = parsed(setting)?;
+        let mut alone = table.clone();
+        put(&mut alone, given.clone(), Some(&before));
+        if let Some(wrong) = read(alone).err().filter(|e| !e.to_string().contains("missing field")) {
+            return Err(wrong);
+        }
+        put(&mut all, given, Some(&before));
+    }
+    read(all)
 }
 
 /// A setting as a table.
@@ -72,16 +86,14 @@ pub(crate) fn with_defaults<T: DeserializeOwned + Serialize>(text: &str, default
 /// Settings on top of these, which need no line of a text to be named in errors.
 ///
 /// # Errors
-/// As [`set_keys`]; if a key is unknown, or a value has the wrong type.
+/// As [`with_keys`]; if a key is unknown, or a value has the wrong type.
 pub(crate) fn changed<'a, T: DeserializeOwned + Serialize>(
     settings: &T,
     changes: impl IntoIterator<Item = &'a str>,
 ) -> Result<T> {
-    let mut table = Table::try_from(settings).map_err(|e| Error::input(format!("settings: {e}")))?;
-    set_keys(&mut table, changes)?;
-    table
-        .try_into()
-        .map_err(|e: toml::de::Error| Error::input(format!("settings: {}", explain(e.to_string().trim_end()))))
+    let table = Table::try_from(settings).map_err(|e| Error::input(format!("settings: {e}")))?;
+    let wrong = |e: toml::de::Error| Error::input(format!("settings: {}", explain(e.to_string().trim_end())));
+    with_keys(&table, changes, |table| table.try_into().map_err(wrong))
 }
 
 /// Puts the given values into a table. `before` is that table with all values written out, from which it is known where a
@@ -129,15 +141,14 @@ fn explain(message: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde::Deserialize;
 
     /// All values of some settings: a choice with values, one that is a word, a section.
     const ALL: &str =
         "rate = 0.1\nshare = \"sqrt\"\n[how.adam]\nfirst = 0.9\nsecond = 0.5\n[section]\none = 1\ntwo = 2\n";
 
     fn set(settings: &[&str]) -> Table {
-        let mut table: Table = ALL.parse().unwrap();
-        set_keys(&mut table, settings.iter().copied()).unwrap();
-        table
+        with_keys(&ALL.parse().unwrap(), settings.iter().copied(), Ok).unwrap()
     }
 
     #[test]
@@ -168,6 +179,51 @@ mod tests {
     fn values_of_a_section_stay_and_wrong_keys_are_added_to_them() {
         assert_eq!(set(&["section.one=3"])["section"], parse_value("{ one = 3, two = 2 }"));
         assert_eq!(set(&["section.on=3"])["section"], parse_value("{ one = 1, two = 2, on = 3 }"));
+    }
+
+    /// Settings with a choice and a section of one key.
+    #[derive(Debug, Deserialize, PartialEq, Serialize)]
+    #[serde(deny_unknown_fields)]
+    struct Settings {
+        how: How,
+        shares: Shares,
+    }
+
+    #[derive(Debug, Deserialize, PartialEq, Serialize)]
+    #[serde(rename_all = "kebab-case", deny_unknown_fields)]
+    enum How {
+        Plain,
+        Adam { first: f64 },
+        Sgd { momentum: f64, decay: f64 },
+    }
+
+    #[derive(Debug, Deserialize, PartialEq, Serialize)]
+    #[serde(deny_unknown_fields)]
+    struct Shares {
+        power: f64,
+    }
+
+    #[test]
+    fn a_wrong_key_is_refused_even_if_a_later_setting_takes_its_place() {
+        let settings = Settings { how: How::Adam { first: 0.9 }, shares: Shares { power: 0.5 } };
+        for (wrong, right, named) in [
+            ("shares.pwer=1", "shares.power=2", "pwer"),
+            ("shares.pwer=1", "shares={ power = 2 }", "pwer"),
+            ("how.sgd.momentm=1", "how.adam.first=0.5", "momentm"),
+            ("how.sdg.momentum=1", "how.adam.first=0.5", "sdg"),
+            ("how.sdg.momentum=1", "how=plain", "sdg"),
+            ("share.power=1", "shares.power=2", "share"),
+        ] {
+            for order in [[wrong, right], [right, wrong]] {
+                let message = changed(&settings, order).unwrap_err().to_string();
+                assert!(message.contains(&format!("`{named}`")), "{order:?}: {message}");
+            }
+        }
+        let set = |keys: &[&str]| changed(&settings, keys.iter().copied()).unwrap();
+        assert_eq!(set(&["shares.power=1", "shares.power=2"]).shares, Shares { power: 2.0 });
+        assert_eq!(set(&["how.sgd.momentum=1", "how.sgd.decay=0"]).how, How::Sgd { momentum: 1.0, decay: 0.0 });
+        assert_eq!(set(&["how.sgd.momentum=1", "how.adam.first=0.5"]).how, How::Adam { first: 0.5 });
+        assert_eq!(set(&["how.sgd.momentum=1", "how=plain"]).how, How::Plain);
     }
 
     #[test]

@@ -21,7 +21,7 @@ use crate::recipes::system::{Fitted, System, TrainOptions, TrainingResult};
 use crate::recipes::unet::UNetRecipe;
 use crate::recipes::weak::WeakRecipe;
 use crate::recipes::windows::WindowsRecipe;
-use crate::settings::changes::{explained, set_keys, with_defaults};
+use crate::settings::changes::{explained, with_defaults, with_keys};
 use serde::Serialize;
 
 /// Makes [`AnyRecipe`] and [`AnyFitted`] from a list of methods; one that is `only in test` is compiled for tests only.
@@ -289,9 +289,8 @@ impl AnyRecipe {
     /// # Errors
     /// As [`AnyRecipe::from_toml`].
     pub fn with_settings<'a>(&self, settings: impl IntoIterator<Item = &'a str>) -> Result<Self> {
-        let mut table: toml::Table = self.to_toml()?.parse().map_err(|e| Error::input(format!("recipe: {e}")))?;
-        set_keys(&mut table, settings)?;
-        Self::complete(&table.to_string())
+        let table: toml::Table = self.to_toml()?.parse().map_err(|e| Error::input(format!("recipe: {e}")))?;
+        with_keys(&table, settings, |table| Self::complete(&table.to_string()))
     }
 }
 
@@ -367,6 +366,9 @@ mod tests {
         assert_eq!((set.regularise.partition.intent, set.labels.per_class), (Intent::Strength(0.4), 15));
         let message = weak.with_settings(["labels.per_klass=15"]).unwrap_err().to_string();
         assert!(message.contains("did you mean `per_class`"), "{message}");
+        // A section of one key.
+        let message = weak.with_settings(["shares.pwer=1", "shares.power=0.5"]).unwrap_err().to_string();
+        assert!(message.contains("did you mean `power`"), "{message}");
     }
 
     #[test]

@@ -9,7 +9,7 @@ use crate::segmentation::{
     ClusterParams, CutPursuitSteps, Intent, Leftovers, LocalGraphParams, OctreeGrowingParams, PartitionParams,
     RegionGrowingParams, RiemannianParams, SlicParams,
 };
-use crate::settings::changes::{explained, set_keys, with_defaults};
+use crate::settings::changes::{explained, with_defaults, with_keys};
 use serde::{Deserialize, Serialize};
 
 /// Parameters that both kinds of region growing share.
@@ -129,9 +129,8 @@ impl SegmentParams {
     /// # Errors
     /// As [`SegmentParams::from_toml`].
     pub fn with_settings<'a>(&self, settings: impl IntoIterator<Item = &'a str>) -> Result<Self> {
-        let mut table: toml::Table = self.to_toml()?.parse().map_err(|e| Error::input(format!("settings: {e}")))?;
-        set_keys(&mut table, settings)?;
-        explained(&table.to_string())
+        let table: toml::Table = self.to_toml()?.parse().map_err(|e| Error::input(format!("settings: {e}")))?;
+        with_keys(&table, settings, |table| explained(&table.to_string()))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::recipes::RegulariseParams;
-use crate::settings::changes::{explained, set_keys};
+use crate::settings::changes::{explained, with_keys};
 use serde::{Deserialize, Serialize};
 
 /// The section of a recipe, alone.
@@ -19,9 +19,8 @@ impl RegulariseParams {
     /// If a key is unknown, or a value has the wrong type.
     pub fn with_settings<'a>(&self, settings: impl IntoIterator<Item = &'a str>) -> Result<Self> {
         let wrong = |e: &dyn std::fmt::Display| Error::input(format!("settings: {e}"));
-        let mut table = toml::Table::try_from(Section { regularise: self.clone() }).map_err(|e| wrong(&e))?;
-        set_keys(&mut table, settings)?;
-        Ok(explained::<Section>(&table.to_string())?.regularise)
+        let table = toml::Table::try_from(Section { regularise: self.clone() }).map_err(|e| wrong(&e))?;
+        Ok(with_keys(&table, settings, |table| explained::<Section>(&table.to_string()))?.regularise)
     }
 }
 
@@ -157,5 +156,10 @@ mod tests {
         assert!((params.strength - 3.0).abs() < 1e-12);
         let wrong = params.with_settings(["regularise.strenght=3"]).unwrap_err().to_string();
         assert!(wrong.contains("did you mean `strength`"), "{wrong}");
+        // A key without its section is refused, whatever follows.
+        for setting in ["regularise.method=segment-crf", "regularise.strength=3"] {
+            let wrong = params.with_settings(["strength=5", setting]).unwrap_err().to_string();
+            assert!(wrong.contains("unknown field `strength`"), "{setting}: {wrong}");
+        }
     }
 }
