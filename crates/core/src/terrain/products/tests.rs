@@ -243,6 +243,32 @@ fn areas_of_outlines_count_after_the_simplification() {
 }
 
 #[test]
+fn a_building_in_a_courtyard_that_is_closed_belongs_to_the_one_around_it() {
+    // A roof of 20 m x 20 m, points every 0.5 m. In its courtyard of 6 m x 6 m stands a hut of 2 m x 2 m, 2 m from the walls.
+    let far = |i: i32, j: i32| (i - 20).abs().max((j - 20).abs());
+    let at = (0..41 * 41).map(|k| [k / 41, k % 41]);
+    let kept: Vec<[i32; 2]> = at.filter(|&[i, j]| far(i, j) <= 2 || far(i, j) >= 6).collect();
+    let rows: Vec<[f64; 3]> = kept.iter().map(|[i, j]| [f64::from(*i) * 0.5, f64::from(*j) * 0.5, 8.0]).collect();
+    let heights: Vec<f32> = kept.iter().map(|&[i, j]| if far(i, j) <= 2 { 3.0 } else { 8.0 }).collect();
+    let mut cloud = Cloud::from_rows(&rows).unwrap();
+    cloud.set_column(Column::new("Classification", Values::U8(vec![6; rows.len()]))).unwrap();
+    let monitor = Monitor::default();
+    let scene = MetricCloud::new(&cloud, None, &monitor).unwrap();
+    let found = |min_area: f64| {
+        let params = FootprintParams { alpha: Some(0.8), min_area, ..FootprintParams::default() };
+        footprints(&scene, &heights, &params, &monitor).unwrap()
+    };
+    // The courtyard is open: the hut has an outline and its own points.
+    let [roof, hut] = &found(1.0)[..] else { panic!("expected a roof and a hut") };
+    assert_eq!((roof.rings.len(), hut.rings.len()), (2, 1));
+    assert_eq!((hut.points, hut.height_max, roof.points), (25, 3.0, rows.len() as u64 - 25));
+    // It is closed: all that stands in it is the roof's, the corners of the hut too.
+    let [whole] = &found(50.0)[..] else { panic!("expected a roof") };
+    assert_eq!((whole.rings.len(), whole.points), (1, rows.len() as u64));
+    assert!((whole.area - 400.0).abs() < 1.0, "{}", whole.area);
+}
+
+#[test]
 fn sparse_points_get_a_wider_shape() {
     let mut s = stream(20, 2);
     let rows: Vec<[f64; 3]> = (0..900).map(|_| [60.0 * s.uniform(), 60.0 * s.uniform(), 5.0]).collect();
