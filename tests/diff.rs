@@ -25,7 +25,21 @@ fn classify_changes_only_what_it_says() {
     let expected = ["LASF_Spec 0", "LASF_Spec 4", "scansion 1"];
     assert_eq!(records, expected, "class names, the descriptors of the new dimensions, what made the classes");
     let (out, _) = ends(f, &["diff", "in.laz", "out.las", "--format", "csv"], 1);
-    assert!(out.starts_with("kind,name,points") && out.contains("field,\"Confidence\",,,,absent,present"), "{out}");
+    assert!(out.starts_with("kind,name,points") && out.contains("field,\"Confidence\",,,,absent,present,"), "{out}");
+}
+
+#[test]
+fn csv_has_what_json_has_of_a_field() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    std::fs::write(f.join("a.csv"), "x,y,z,slope\n0,0,0,nan\n1,0,0,2\n0,1,0,3\n").unwrap();
+    std::fs::write(f.join("b.csv"), "x,y,z,slope\n0,0,0,1\n1,0,0,2.5\n0,1,0,3\n").unwrap();
+    let (out, _) = ends(f, &["diff", "a.csv", "b.csv", "--format", "csv"], 1);
+    let row = |line: &str| line.split(',').map(str::to_string).collect::<Vec<_>>();
+    let lines: Vec<Vec<String>> = out.lines().map(row).collect();
+    assert_eq!(lines[0].last().unwrap(), "one_sided", "{out}");
+    assert!(lines.iter().all(|line| line.len() == lines[0].len()), "{out}");
+    assert!(lines.contains(&row("field,\"slope\",2,0,0.5,,,1")), "{out}");
 }
 
 #[test]

@@ -91,28 +91,29 @@ fn classes(text: &mut String, found: &Difference, naming: &Naming) {
     let _ = writeln!(text, "{:<65} {stayed:>14}", "the same class");
 }
 
-/// One line per difference: kind, name, points, first, largest (empty if no two numbers differ), and the two values.
+/// One line per difference: kind, name, points, first, largest (empty if no two numbers differ), the two values, and the points
+/// of a field where only one of the two is a number.
 fn csv(found: &Difference) -> String {
     let quoted = |s: &str| format!("\"{}\"", s.replace('"', "\"\""));
-    let mut text = "kind,name,points,first,largest,a,b\n".to_string();
-    let _ = writeln!(text, "points,,{},,,{},{}", found.compared, found.points[0], found.points[1]);
+    let mut text = "kind,name,points,first,largest,a,b,one_sided\n".to_string();
+    let _ = writeln!(text, "points,,{},,,{},{},", found.compared, found.points[0], found.points[1]);
     for (kind, list) in [("header", &found.header), ("record", &found.records), ("type", &found.types)] {
         for c in list {
-            let _ = writeln!(text, "{kind},{},,,,{},{}", quoted(&c.name), quoted(&c.a), quoted(&c.b));
+            let _ = writeln!(text, "{kind},{},,,,{},{},", quoted(&c.name), quoted(&c.a), quoted(&c.b));
         }
     }
     for (side, names) in found.only_in.iter().enumerate() {
         for name in names {
             let (a, b) = if side == 0 { ("present", "absent") } else { ("absent", "present") };
-            let _ = writeln!(text, "field,{},,,,{a},{b}", quoted(name));
+            let _ = writeln!(text, "field,{},,,,{a},{b},", quoted(name));
         }
     }
     for f in &found.fields {
         let largest = if f.largest.is_nan() { String::new() } else { f.largest.to_string() };
-        let _ = writeln!(text, "field,{},{},{},{largest},,", quoted(&f.name), f.differing, f.first);
+        let _ = writeln!(text, "field,{},{},{},{largest},,,{}", quoted(&f.name), f.differing, f.first, f.one_sided);
     }
     for c in &found.classes {
-        let _ = writeln!(text, "class,,{},,,{},{}", c.points, c.from, c.to);
+        let _ = writeln!(text, "class,,{},,,{},{},", c.points, c.from, c.to);
     }
     text
 }
