@@ -176,6 +176,15 @@ def test_bytes_are_text_in_scores():
             assert forest.score(X, given[[0, 2, 2, 3]], sample_weight=[1, 2, 1, 1]) == 0.6
 
 
+def test_scores_with_the_largest_and_smallest_weights_are_shares():
+    X, y = np.arange(8.0).reshape(4, 2), [0, 0, 1, 1]
+    forest = RandomForestClassifier(5, bootstrap=False).fit(X, y)
+    for scale in (1e308, 4e307, 1.0, 1e-320, 5e-324):
+        assert forest.score(X, [1, 0, 1, 1], sample_weight=np.full(4, scale)) == 0.75
+        assert forest.score(X, [1, 0, 1, 1], sample_weight=scale) == 0.75
+    assert forest.score(X, [1, 0, 1, 1], sample_weight=[1e308, 1e308, 0, 1]) == 0.5
+
+
 def test_weights_go_through_scikit_learns_metadata_routing():
     random = np.random.default_rng(0)
     X, y = random.random((200, 3)), random.integers(0, 2, 200)

@@ -143,7 +143,7 @@ class TableClassifier(RoutedInScore, Classifier):
         if is_text(labels) and not labels.dtype.kind == found.dtype.kind == "U":
             labels, found = texts(labels, "y"), texts(found, "y")
         weights = _validation.weights(sample_weight, len(labels), np.float64)
-        return float(np.average(found == labels, weights=weights))
+        return float(np.average(found == labels, weights=None if weights is None else _validation.near_one(weights)))
 
     @property
     def feature_importances_(self) -> NDArray[np.float64]:

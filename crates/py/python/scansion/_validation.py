@@ -141,6 +141,15 @@ def weights(values: Any, rows: int, dtype: Any = np.float32) -> NDArray[Any] | N
     return result
 
 
+def near_one(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same weights times a power of two, the largest from 0.5 to 1, so that their sum is finite; their ratios stay exact.
+
+    >>> bool(near_one(np.array([1e308, 1e308])).sum() < 2)
+    True
+    """
+    return np.ldexp(weights, -int(np.frexp(weights.max())[1]))
+
+
 def feature_names(values: Any) -> NDArray[np.object_] | None:
     """Column names of a data frame, if all are text."""
     columns = getattr(values, "columns", None)
