@@ -131,9 +131,17 @@ def test_text_comes_back_as_text(kind, tmp_path):
     for wrong in ([0], "unknown"):
         with pytest.raises(TypeError, match="unlabelled"):
             kind(SETTINGS[kind], unlabelled=wrong).fit(xyz, text)
+    once = kind(SETTINGS[kind], unlabelled=(label for label in ["unknown"]), random_state=0)
+    with pytest.raises(TypeError, match="unlabelled: found a generator, which can be read only once, expected a list"):
+        once.fit(xyz, partly)
+    assert once.get_params()["unlabelled"] is once.unlabelled and list(once.unlabelled) == ["unknown"]
     by_text.unlabelled = [0]
     with pytest.raises(TypeError, match="unlabelled: expected text or None, found 0"):
         by_text.score(other, true)
+    by_text.unlabelled = map(str, [0])
+    for use in (lambda: by_text.score(other, true), lambda: by_text.save(tmp_path / "once.model")):
+        with pytest.raises(TypeError, match="unlabelled: found a map"):
+            use()
 
 
 def test_rare_classes_are_warned_of():
@@ -317,6 +325,8 @@ def test_pictures_have_the_asked_size(labelled, tmp_path):
     assert red[0] == red[2] == 0 < red[1]
     with pytest.raises(ValueError, match="truth"):
         scansion.render(labelled, truth=codes[1:])
+    with pytest.raises(ValueError, match=r"classes: found 300, expected a whole number in 0..255"):
+        scansion.render(labelled, truth=codes, classes=[300])
     with pytest.raises(ValueError, match="view"):
         scansion.render(labelled, view="side")
     with pytest.raises(ValueError, match="Absent"):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import sys
+from collections.abc import Iterable, Iterator
 from typing import Any, TypeVar
 
 import numpy as np
@@ -36,6 +37,18 @@ def _short(value: Any) -> str:
     if isinstance(value, str) and "\n" in value:
         return f"{value.splitlines()[0] + '...'!r}"
     return repr(value)
+
+
+def lasting(values: Iterable[Any], name: str) -> Iterable[Any]:
+    """A parameter that is a list, as an estimator keeps it: an iterator is refused, which is empty after its first use.
+
+    >>> lasting((code for code in [0, 1]), "unlabelled")
+    Traceback (most recent call last):
+    TypeError: unlabelled: found a generator, which can be read only once, expected a list
+    """
+    if isinstance(values, Iterator):
+        raise TypeError(f"{name}: found a {type(values).__name__}, which can be read only once, expected a list")
+    return values
 
 
 def logarithms(probabilities: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
 from scansion._arrays import column
-from scansion._base import Classifier, logarithms
+from scansion._base import Classifier, lasting, logarithms
 from scansion._cloud import PointCloud, as_cloud
 from scansion._labels import (
     check_kind,
@@ -193,7 +193,7 @@ class PointClassifier(Routed, Classifier):
             If the file exists and is not a model.
         """
         self._check_is_fitted()
-        noted = Notes(self.classes_.dtype.kind == "U", self.class_map, self.unlabelled)
+        noted = Notes(self.classes_.dtype.kind == "U", self.class_map, None if self.unlabelled is None else self._unlabelled())
         self._model.save(os.fspath(path))
         add_notes(path, noted)
 
@@ -298,7 +298,7 @@ class PointClassifier(Routed, Classifier):
             raise ValueError("labels: found text, expected codes")
         reading = Reading(_core.recipe_columns(self.recipe_, []), self.class_map, listed=self.unlabelled is None)
         prepared = [_labelled(cloud, y, reading) for cloud, y in zip(clouds, given, strict=True)]
-        unlabelled = None if self.unlabelled is None else listed(list(self.unlabelled))
+        unlabelled = None if self.unlabelled is None else listed(self._unlabelled())
         with following(progress):
             model, report = self._model.with_cars(
                 [cloud._core for cloud in prepared], LABELS, self.class_map, code, unlabelled, self.n_jobs
@@ -308,14 +308,18 @@ class PointClassifier(Routed, Classifier):
         self.cars_report_ = json.loads(report)
         return self
 
+    def _unlabelled(self) -> Iterable[Any]:
+        """Labels that mean "unlabelled"; none if the class list of a cloud tells them."""
+        return () if self.unlabelled is None else lasting(self.unlabelled, "unlabelled")
+
     def _known(self, given: list[Any]) -> tuple[list[Any], list[str], bytes | None]:
         """Labels as numbers; the names of the codes if they were text; the codes that mean "unlabelled"."""
         if not any(y is not None and is_text(y) for y in given):
-            return given, [], None if self.unlabelled is None else listed(self.unlabelled)
+            return given, [], None if self.unlabelled is None else listed(self._unlabelled())
         if self.class_map:
             raise ValueError(f"class_map: found {self.class_map!r}, expected none: the labels are text")
         arrays = [texts(y, "labels") for y in given]
-        names = classes_of(arrays, () if self.unlabelled is None else self.unlabelled)
+        names = classes_of(arrays, self._unlabelled())
         return [encoded(y, names) for y in arrays], names, b""
 
     def classify(
@@ -449,7 +453,7 @@ class PointClassifier(Routed, Classifier):
         points = as_cloud(cloud)
         if labels is not None:
             check_kind(labels, self.classes_, "labels")
-        unlabelled = self.unlabelled if self.unlabelled is not None else ()
+        unlabelled = self._unlabelled()
         if labels is not None and is_text(labels):
             true = texts(labels, "labels", len(points))
             skipped = no_classes(unlabelled)

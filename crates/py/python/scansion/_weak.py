@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from scansion._base import lasting
 from scansion._classifier import PointClassifier
 
 
@@ -79,7 +80,7 @@ class WeakClassifier(PointClassifier):
         self.strengths = strengths
 
     def _strengths(self) -> list[float]:
-        return [float(s) for s in self.strengths]
+        return [float(s) for s in lasting(self.strengths, "strengths")]
 
     def _recipe(self) -> tuple[str, list[str]]:
         text, settings = super()._recipe()
