@@ -49,6 +49,18 @@ def test_points_of_some_classes_carry_no_line(room, found):
     assert len(of_floats) == len(fewer) and np.array_equal(of_floats.confidence, fewer.confidence)
     with pytest.raises(ValueError, match=r"without: found np.float64\(2.5\), expected a whole number"):
         contours.extract(room.cloud, without=np.array([2.5]))
+    with pytest.raises(ValueError, match=r"without: found 300, expected a whole number in 0..255"):
+        contours.extract(room.cloud, without=[300])
+
+
+def test_classes_of_the_caller_are_codes_and_a_cloud_may_have_points_without_one(room):
+    codes = room.cloud["Classification"].astype(np.int16)
+    codes[3] = -1
+    with pytest.raises(ValueError, match=r"classes: expected whole numbers in 0..255, found -1 at index 3"):
+        contours.extract(room.cloud, classes=codes)
+    own = room.cloud.copy()
+    own["Classification"] = codes
+    assert len(contours.extract(own)) > 0
 
 
 def test_files_hold_all_lines(found, tmp_path):

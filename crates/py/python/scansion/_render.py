@@ -80,7 +80,7 @@ def render(
         sRGB.
     """
     choice(view, "view", ("map", "oblique"))
-    picked = [whole(code, "classes", 0) for code in classes]
+    picked = [whole(code, "classes", 0, 255) for code in classes]
     if truth is not None and str(by).lower() != "class":
         raise ValueError(f"by: found {by!r} with truth, expected 'class'")
     if truth is None and (picked or changes):

@@ -224,8 +224,8 @@ def suggest(
 def _offered(offer: Mapping[int, str] | Sequence[int] | None) -> str:
     """Codes and names in the form that the core reads."""
     if isinstance(offer, Mapping):
-        return ",".join(f"{whole(code, 'offer', 0)}={name.replace(',', ' ')}" for code, name in offer.items())
-    return ",".join(str(whole(code, "offer", 0)) for code in (() if offer is None else offer))
+        return ",".join(f"{whole(code, 'offer', 0, 255)}={name.replace(',', ' ')}" for code, name in offer.items())
+    return ",".join(str(whole(code, "offer", 0, 255)) for code in (() if offer is None else offer))
 
 
 def _check_codes(values: NDArray[Any]) -> None:

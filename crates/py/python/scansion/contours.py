@@ -136,7 +136,8 @@ def extract(
         Edge of the voxels that hold one seed of a line each, metres; smaller: finer edges. By default from the spacing of the
         points.
     classes : array_like of shape (n,), optional
-        Class of each point, for the classes beside the lines; by default those of the cloud, if it has any.
+        Class code 0..255 of each point, for the classes beside the lines; by default those of the cloud, if it has any, among
+        which negative codes and NaN are no class.
     without : sequence of int
         Points of these classes carry no line, for instance vegetation.
     min_confidence : float
@@ -167,7 +168,7 @@ def extract(
         model = PointClassifier.load(model)
     params = {
         "recipe": dotted_settings(own),
-        "without": [whole(code, "without", 0) for code in without],
+        "without": [whole(code, "without", 0, 255) for code in without],
         "min_confidence": float(min_confidence),
         "metres_per_unit": metres_per_unit,
     }
@@ -258,7 +259,7 @@ def stages(
         model = PointClassifier.load(model)
     params = {
         "recipe": dotted_settings(dict(settings or {})),
-        "without": [whole(code, "without", 0) for code in without],
+        "without": [whole(code, "without", 0, 255) for code in without],
         "min_confidence": 0.0,
         "metres_per_unit": metres_per_unit,
     }
