@@ -435,6 +435,23 @@ def test_a_column_comes_without_others_that_its_name_may_mean(tmp_path):
         np.testing.assert_array_equal(theirs[name], ours[name])
 
 
+def test_arrays_of_las_are_asked_for_by_their_values(tmp_path):
+    header = laspy.LasHeader(version="1.4", point_format=6)
+    header.add_extra_dims([laspy.ExtraBytesParams("normal", "3f4"), laspy.ExtraBytesParams("q", "2u1")])
+    las = laspy.LasData(header)
+    las.X, las.normal, las.q = [0, 1], [[1, 2, 3], [4, 5, 6]], [[7, 8], [9, 10]]
+    las.write(tmp_path / "a.las")
+    values = "its values are the columns 'normal0', 'normal1', 'normal2'"
+    for read in (scansion.read, first_block):
+        with pytest.raises(ValueError, match=f"columns: found 'normal' \\({values}\\), expected"):
+            read(tmp_path / "a.las", ["normal"])
+        with pytest.raises(ValueError, match="found 'q' \\(its values are the columns 'q0', 'q1'\\)"):
+            read(tmp_path / "a.las", ["q"])
+        assert read(tmp_path / "a.las", ["normal0", "normal2"])["normal2"].tolist() == [3, 6]
+    with pytest.raises(KeyError, match=values):
+        scansion.read(tmp_path / "a.las")["normal"]
+
+
 def test_files_without_points_need_no_columns(tmp_path):
     (tmp_path / "a.pts").write_text("0\n")
     assert len(scansion.read(tmp_path / "a.pts", ["Intensity"])) == 0

@@ -48,7 +48,8 @@ def read(
         The file; the format is detected by content, then by extension.
     columns : list of str, optional
         Columns to keep besides the coordinates; all by default. Fewer columns take less memory. Capitals and underscores do
-        not matter, and names of other programs are known too: ``r`` or ``red`` is the column Red.
+        not matter, and names of other programs are known too: ``r`` or ``red`` is the column Red. Each value of an array
+        ``normal`` in LAS is a column: ``normal0``, ``normal1``, ``normal2``.
     bounds : array_like of shape (2, 3) or (2, 2), optional
         Only points in this box, lowest and highest corner, both included. Of COPC files only the parts in the box are read.
     resolution : float, optional
@@ -310,7 +311,8 @@ def diff(a: str | os.PathLike[str], b: str | os.PathLike[str]) -> dict[str, Any]
     dict
         ``same`` (bool), ``summary`` (one sentence), ``points``, ``compared``, and the differences, empty if there are none:
         ``header``, ``records``, ``types`` (lists of ``name``, ``a``, ``b``), ``fields`` (``name``, ``differing``, ``first``,
-        ``largest``), ``only_in`` (two lists of names), ``classes`` (``from``, ``to``, ``points``).
+        ``largest``: None if no two numbers differ, ``one_sided``: points where only one of the two is a number), ``only_in`` (two
+        lists of names), ``classes`` (``from``, ``to``, ``points``).
     """
     same, summary, found = json.loads(_core.diff(os.fspath(a), os.fspath(b)))
     return {"same": same, "summary": summary, **found}

@@ -105,6 +105,19 @@ def unknown(names: list[str], columns: list[str]) -> ValueError:
 
 
 def _hint(name: str, columns: list[str]) -> str:
-    """The column whose name is like this one, as a question."""
+    """The columns of the values of an array with this name; else the column whose name is like it, as a question."""
+    if parts := _parts(name, columns):
+        return f" (its values are the columns {', '.join(map(repr, parts))})"
     near = get_close_matches(_folded(name), [_folded(column) for column in columns], 1)
     return next((f" (did you mean {column!r}?)" for column in columns if _folded(column) in near), "")
+
+
+def _parts(name: str, columns: list[str]) -> list[str]:
+    """The columns of the two or three values of an array in LAS.
+
+    >>> _parts("normal", ["normal0", "normal1", "normal2", "q1"]), _parts("q", ["normal0", "q1"])
+    (['normal0', 'normal1', 'normal2'], [])
+    """
+    numbered = [f"{name}{i}" for i in range(3)]
+    found = [part for part in numbered if part in columns]
+    return found if len(found) > 1 and found == numbered[: len(found)] else []
