@@ -84,6 +84,11 @@ def test_a_cloud_is_a_table_for_people_and_pandas(cloud):
     np.testing.assert_array_equal(pandas.DataFrame(cloud).to_numpy(), cloud.xyz)
     with pytest.raises(ValueError, match="table: expected the fields X, Y, Z"):
         scansion.write("absent.laz", pandas.DataFrame({"a": [1], "b": [2]}))
+    nameless = pandas.DataFrame(np.arange(8.0).reshape(2, 4))
+    with pytest.raises(ValueError, match="found 0, 1, 2, 3; rename the fields of the coordinates, or give a table of these"):
+        scansion.concatenate([nameless])
+    for right in (nameless[[0, 1, 2]], nameless.rename(columns=dict(enumerate("xyz")))):
+        np.testing.assert_array_equal(scansion.concatenate([right]).xyz, nameless.to_numpy()[:, :3])
 
 
 def test_clouds_become_one(cloud, tmp_path):

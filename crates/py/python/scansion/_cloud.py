@@ -388,5 +388,7 @@ def as_cloud(points: Any, *, columns: list[str] | None = None) -> PointCloud:
             if table:
                 take_about(cloud, getattr(points, "attrs", {}).get(ATTRS))
             return cloud
-    kind = "table" if table else "structured array"
-    raise ValueError(f"{kind}: expected the fields X, Y, Z or x, y, z, found {', '.join(map(str, fields))}")
+    kind, alone = ("table", "a table of these three") if table else ("structured array", "an (n, 3) array")
+    advice = f"rename the fields of the coordinates, or give {alone} alone"
+    found = ", ".join(map(str, fields)) or "none"
+    raise ValueError(f"{kind}: expected the fields X, Y, Z or x, y, z, found {found}; {advice}")
