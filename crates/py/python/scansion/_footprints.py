@@ -32,7 +32,8 @@ def footprints(
 ) -> dict[str, Any]:
     """Outlines of the buildings, as a GeoJSON object.
 
-    Coordinates are those of the cloud, not WGS 84; the member ``crs`` has the EPSG code, if it is known.
+    Coordinates are those of the cloud, not WGS 84; the member ``crs`` has the EPSG code, if it is known. Withheld points (the
+    flag of LAS) are left out.
 
     Parameters
     ----------

@@ -68,7 +68,8 @@ def dtm(
     """Terrain model: heights of the ground.
 
     The ground points of each cell are averaged in position and height and triangulated (Delaunay); the height of a cell is
-    that of the triangulation at its centre. Outside the triangulation it is that of the nearest cell.
+    that of the triangulation at its centre. Outside the triangulation it is that of the nearest cell. Noise and withheld
+    points (the flag of LAS) are left out; `Raster.ground` tells how many are withheld.
 
     Parameters
     ----------
@@ -120,6 +121,8 @@ def dsm(
 ) -> Raster:
     """Surface model: the highest point of each cell of the raster of `dtm`, NaN where there is none.
 
+    Noise and withheld points (the flag of LAS) are left out.
+
     Parameters
     ----------
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
@@ -166,7 +169,7 @@ def chm(
 ) -> Raster:
     """Normalised surface: `dsm` minus `dtm`, not below 0; canopy heights over forests.
 
-    NaN where one of them is.
+    NaN where one of them is. Noise and withheld points (the flag of LAS) are left out.
 
     Parameters
     ----------
@@ -219,6 +222,8 @@ def height_above_ground(
     n_jobs: int | None = None,
 ) -> NDArray[np.float32]:
     """Height of every point above the terrain model, in the unit of the cloud (`heights` gives metres above another model).
+
+    Noise and withheld points (the flag of LAS) have a height, but no part in the terrain model.
 
     Parameters
     ----------
