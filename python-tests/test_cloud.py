@@ -89,6 +89,10 @@ def test_a_cloud_is_a_table_for_people_and_pandas(cloud):
         scansion.concatenate([nameless])
     for right in (nameless[[0, 1, 2]], nameless.rename(columns=dict(enumerate("xyz")))):
         np.testing.assert_array_equal(scansion.concatenate([right]).xyz, nameless.to_numpy()[:, :3])
+    # Numbers, and parts of "xyz", are names of columns like others.
+    odd = nameless.rename(columns=dict(enumerate("xyz"))).assign(xy=[7.0, 8.0])
+    found = scansion.concatenate([odd])
+    assert found.columns == ["3", "xy"] and found["3"].tolist() == [3, 7] and found["xy"].tolist() == [7, 8]
 
 
 def test_clouds_become_one(cloud, tmp_path):

@@ -378,7 +378,7 @@ def as_cloud(points: Any, *, columns: list[str] | None = None) -> PointCloud:
     fields = list(points.columns) if table else getattr(getattr(points, "dtype", None), "names", None)
     if fields is None or (table and len(fields) == 3 and not {"x", "X"} & set(fields)):
         return PointCloud(points)
-    for axes in ("XYZ", "xyz"):
+    for axes in (("X", "Y", "Z"), ("x", "y", "z")):
         if all(axis in fields for axis in axes):
             cloud = PointCloud(np.column_stack([unmasked(points[axis], axis, np.float64) for axis in axes]))
             ours = our_names(str(name) for name in fields)
