@@ -157,6 +157,79 @@ fn a_reference_system_by_code_becomes_wkt_in_las() {
 }
 
 #[test]
+fn what_las_cannot_tell_of_a_system_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    for (crs, metres, told) in [
+        ("EPSG:26910+6360", 1.0, ""),
+        ("EPSG:26910+5103", 1.0, "the vertical system EPSG:5103 is not kept: it is not in our table"),
+        ("EPSG:64000", 1.0, "the reference system EPSG:64000 is not kept: no WKT of it is known"),
+        (
+            "EPSG:26910",
+            0.3048,
+            "not kept: the unit of 0.3048 m; the reference system is one in units of 1 m, which the file",
+        ),
+        ("EPSG:4326", 1.0, "not kept: the unit of 1 m; the reference system is one in degrees, which the file"),
+    ] {
+        let mut cloud = town(&[]);
+        (cloud.crs, cloud.metres_per_unit) = (Some(crs.into()), Some(metres));
+        save(f, "a.npz", &cloud);
+        let (_, err) = ends(f, &["convert", "a.npz", "a.laz"], 0);
+        let warned = err.contains("not kept");
+        assert!(warned != told.is_empty() && err.contains(told), "{crs}: {err}");
+        std::fs::remove_file(f.join("a.laz")).unwrap();
+    }
+}
+
+#[test]
+fn a_second_vertical_system_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let mut cloud = town(&[]);
+    for (crs, advice) in
+        [("EPSG:7405+5703", "expected EPSG:7405 alone, or EPSG:27700+5703"), ("EPSG:2154+x", "after the +")]
+    {
+        cloud.crs = Some(crs.into());
+        save(f, "a.npz", &cloud);
+        for verb in [
+            &["convert", "a.npz", "b.laz"][..],
+            &["terrain", "a.npz", "-o", "b.tif"],
+            &["classify", "a.npz", "-o", "b.laz"],
+        ] {
+            let (_, err) = ends(f, verb, 4);
+            assert!(err.contains("a.npz") && err.contains(crs) && err.contains(advice), "{err}");
+        }
+        assert!(!f.join("b.laz").exists() && !f.join("b.tif").exists());
+        let (out, _) = ends(f, &["info", "a.npz"], 0);
+        assert!(out.contains(advice), "{out}");
+    }
+    // Of GeoTIFF keys that of heights counts more.
+    with_keys(&f.join("a.las"), &cloud, &[[1024, 0, 1, 1], [3072, 0, 1, 7405], [4096, 0, 1, 5703]]);
+    let (out, _) = ends(f, &["info", "a.las"], 0);
+    assert!(out.contains("EPSG:27700+5703"), "{out}");
+}
+
+#[test]
+fn grads_and_geocentric_coordinates_are_called_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let (f, cloud) = (folder.path(), town(&[]));
+    with_keys(&f.join("a.las"), &cloud, &[[1024, 0, 1, 2], [2048, 0, 1, 4807]]);
+    let (out, _) = ends(f, &["info", "a.las"], 0);
+    assert!(out.contains("grads: to be projected"), "{out}");
+    let (_, err) = ends(f, &["classify", "a.las", "-o", "out.las"], 4);
+    assert!(err.contains("x and y are grads"), "{err}");
+    // A system of degrees without a code, and a length that is not that of x and y.
+    with_keys(&f.join("a.las"), &cloud, &[[1024, 0, 1, 2], [2048, 0, 1, 32767], [3076, 0, 1, 9001]]);
+    let (_, err) = ends(f, &["classify", "a.las", "-o", "out.las"], 4);
+    assert!(err.contains("x and y are degrees"), "{err}");
+    with_keys(&f.join("a.las"), &cloud, &[[1024, 0, 1, 3], [2048, 0, 1, 4978]]);
+    let (out, _) = ends(f, &["info", "a.las"], 0);
+    assert!(out.contains("EPSG:4978") && out.contains("z is no height"), "{out}");
+    let (_, err) = ends(f, &["features", "a.las", "-o", "out.npy", "--only", "Planarity"], 0);
+    assert!(err.contains("z is no height"), "{err}");
+}
+
+#[test]
 fn points_outside_the_header_are_told_by_every_verb() {
     let folder = tempfile::tempdir().unwrap();
     let (f, cloud) = (folder.path(), town(&[]));

@@ -6,7 +6,7 @@ use crate::exit_code::Failure;
 use scansion_core::Error;
 use scansion_core::classes::preset;
 use scansion_core::cloud::MetricCloud;
-use scansion_core::cloud::crs::{Unit, Vertical, unit_of};
+use scansion_core::cloud::crs::{Unit, Vertical, angles, unit_of};
 use scansion_core::evaluation::report::csv_field;
 use scansion_core::io::salvage::{self, Losses};
 use scansion_core::io::{self, FileInfo, statistics};
@@ -193,7 +193,7 @@ fn table(described: &Described) -> String {
 fn unit(info: &FileInfo) -> String {
     match (info.metres_per_unit, info.crs.as_deref().and_then(unit_of)) {
         (Some(metres), _) => length(metres),
-        (None, Some(Unit::Degrees)) => "degrees: to be projected before distances count".into(),
+        (None, Some(Unit::Angle(radians))) => format!("{}: to be projected before distances count", angles(radians)),
         (None, _) => "unknown, taken as metres".into(),
     }
 }

@@ -1,32 +1,31 @@
 //! Units of coordinate reference systems, read from their text.
 //!
 //! A system is given as WKT (OGC 01-009, ISO 19162) or as a code of the EPSG registry (`EPSG:2229`, and with a vertical
-//! system `EPSG:2229+5703`). `epsg.bin` contains the WKT of EPSG's codes; `scripts/epsg-table` generates it.
+//! system `EPSG:2229+5703`).
 
+use super::epsg::vertical_wkt;
+pub use super::epsg::wkt_of;
+use super::wkt::Node;
+pub(crate) use super::wkt::part_of;
 use serde::Serialize;
-use std::collections::BTreeMap;
-use std::io::Read;
-use std::sync::OnceLock;
+use std::f64::consts::PI;
 
-/// EPSG's systems as WKT, deflated; `scripts/epsg-table` describes the layout.
-const EPSG: &[u8] = include_bytes!("epsg.bin");
-
-/// Bytes per entry of the table's index.
-const ENTRY: usize = 6;
-
-/// Largest nesting of brackets that is accepted.
-const DEEPEST: usize = 32;
-
-/// Two units whose sizes differ by less, as a share, are the same; the two kinds of feet differ by 2e-6.
+/// Two units of length whose sizes differ by less, as a share, are the same; the kinds of feet differ by 1.3e-7 and more.
 const SAME: f64 = 1e-7;
+
+/// The same for angles, which some texts give with three digits.
+const SAME_ANGLE: f64 = 0.01;
+
+/// A datum in WKT 1, which needs an ellipsoid: that of WGS 84, as other programs have it.
+const UNKNOWN_DATUM: &str = r#"DATUM["unknown",SPHEROID["WGS 84",6378137,298.257223563]],PRIMEM["Greenwich",0]"#;
 
 /// The unit of horizontal coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unit {
     /// A length, in metres.
     Length(f64),
-    /// Angles on the ellipsoid.
-    Degrees,
+    /// An angle on the ellipsoid, in radians: mostly the degree.
+    Angle(f64),
 }
 
 /// A unit of length.
@@ -41,16 +40,65 @@ pub struct LinearUnit {
 }
 
 impl LinearUnit {
-    const COMMON: [Self; 3] = [
+    const ALL: [Self; 13] = [
         Self { code: 9001, name: "metre", metres: 1.0 },
         Self { code: 9002, name: "foot", metres: 0.3048 },
         Self { code: 9003, name: "US survey foot", metres: 1200.0 / 3937.0 },
+        Self { code: 9005, name: "Clarke's foot", metres: 0.304_797_265_4 },
+        Self { code: 9030, name: "nautical mile", metres: 1852.0 },
+        Self { code: 9031, name: "German legal metre", metres: 1.000_013_596_5 },
+        Self { code: 9036, name: "kilometre", metres: 1000.0 },
+        Self { code: 9040, name: "British yard (Sears 1922)", metres: 0.914_398_414_616_029 },
+        Self { code: 9041, name: "British foot (Sears 1922)", metres: 0.304_799_471_538_676 },
+        Self { code: 9080, name: "Indian foot", metres: 0.304_799_510_248_147 },
+        Self { code: 9094, name: "Gold Coast foot", metres: 0.304_799_710_181_509 },
+        Self { code: 9095, name: "British foot (1936)", metres: 0.304_800_749_1 },
+        Self { code: 9096, name: "yard", metres: 0.9144 },
     ];
 
-    /// The common unit of that many metres.
+    /// The unit of that many metres.
     pub fn of(metres: f64) -> Option<Self> {
-        Self::COMMON.into_iter().find(|unit| same_length(metres, unit.metres))
+        Self::ALL.into_iter().find(|unit| same_length(metres, unit.metres))
     }
+
+    /// The unit with that code.
+    pub fn coded(code: u16) -> Option<Self> {
+        Self::ALL.into_iter().find(|unit| unit.code == code)
+    }
+}
+
+/// A unit of angles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AngularUnit {
+    /// Its code in EPSG's registry.
+    pub code: u16,
+    /// Its name there.
+    pub name: &'static str,
+    /// Radians in one.
+    pub radians: f64,
+}
+
+impl AngularUnit {
+    const ALL: [Self; 3] = [
+        Self { code: 9102, name: "degree", radians: PI / 180.0 },
+        Self { code: 9105, name: "grad", radians: PI / 200.0 },
+        Self { code: 9101, name: "radian", radians: 1.0 },
+    ];
+
+    /// The unit of that many radians.
+    pub fn of(radians: f64) -> Option<Self> {
+        Self::ALL.into_iter().find(|unit| (radians / unit.radians - 1.0).abs() < SAME_ANGLE)
+    }
+
+    /// The unit with that code.
+    pub fn coded(code: u16) -> Option<Self> {
+        Self::ALL.into_iter().find(|unit| unit.code == code)
+    }
+}
+
+/// What angles in such a unit are called: `degrees`, `grads`.
+pub fn angles(radians: f64) -> String {
+    AngularUnit::of(radians).map_or("angles".into(), |unit| format!("{}s", unit.name))
 }
 
 /// Whether two units, in metres, are the same but for rounding.
@@ -61,18 +109,39 @@ pub fn same_length(a: f64, b: f64) -> bool {
 /// The unit of x and y; `None` if the text does not say.
 pub fn unit_of(crs: &str) -> Option<Unit> {
     match epsg_code(crs) {
-        Some(code) => Node::parse(&wkt_of(code)?)?.horizontal(),
-        None => Node::parse(crs)?.horizontal(),
+        Some(code) => horizontal(&Node::parse(&wkt_of(code)?)?),
+        None => horizontal(&Node::parse(crs)?),
     }
+}
+
+/// What to tell the user of geocentric coordinates.
+pub const GEOCENTRIC: &str = "x, y and z are geocentric, so that z is no height: project the cloud first, e.g. with PDAL's \
+                              filters.reprojection to UTM";
+
+/// Whether x, y and z are counted from the centre of the earth, so that z is no height.
+pub fn is_geocentric(crs: &str) -> bool {
+    let node = epsg_code(crs).map_or_else(|| Node::parse(crs), |code| Node::parse(&wkt_of(code)?));
+    node.is_some_and(|node| node.part(|system| system.is_geocentric().then_some(())).is_some())
 }
 
 /// Metres per unit of height, if the system has a vertical part that states it.
 pub fn vertical_unit_of(crs: &str) -> Option<f64> {
     match (added_vertical(crs), epsg_code(crs)) {
-        (Some(code), _) => Node::parse(vertical_wkt(code)?)?.vertical(),
-        (None, Some(code)) => Node::parse(&wkt_of(code)?)?.vertical(),
-        (None, None) => Node::parse(crs)?.vertical(),
+        (Some(code), _) => vertical(&Node::parse(vertical_wkt(code)?)?),
+        (None, Some(code)) => vertical(&Node::parse(&wkt_of(code)?)?),
+        (None, None) => vertical(&Node::parse(crs)?),
     }
+}
+
+/// What to tell the user of coordinates whose unit is not the one that their system states.
+pub fn other_unit(metres: Option<f64>, crs: Option<&str>) -> Option<String> {
+    let (metres, stated) = (metres?, unit_of(crs?)?);
+    let stated = match stated {
+        Unit::Length(stated) if same_length(stated, metres) => return None,
+        Unit::Length(stated) => format!("units of {stated} m"),
+        Unit::Angle(radians) => angles(radians),
+    };
+    Some(format!("not kept: the unit of {metres} m; the reference system is one in {stated}"))
 }
 
 /// What is known of the heights of a system.
@@ -100,41 +169,122 @@ pub fn unknown_vertical(crs: &str) -> Option<String> {
     }
 }
 
-/// The horizontal system (`EPSG:n`) and what is stated of heights as one text: `EPSG:n+m`, or WKT if the unit of heights
-/// is not the one that the vertical system, or else x and y, have. `metres` are those per unit of x and y.
-pub fn with_heights(plane: Option<String>, metres: Option<f64>, heights: Vertical) -> Option<String> {
-    let of_code = heights.code.and_then(|code| Node::parse(vertical_wkt(code)?)?.vertical());
-    let own = match plane {
-        Some(_) => heights.metres_per_unit.filter(|&own| !same_length(own, of_code.or(metres).unwrap_or(1.0))),
-        // No code stands for the whole then.
-        None => heights
-            .metres_per_unit
-            .or(of_code)
-            .filter(|&own| heights.code.is_some() || metres.is_some_and(|metres| !same_length(own, metres))),
+/// What is wrong with a text such as `EPSG:7405+5703`: its second part is no code, or its first has heights of its own.
+pub fn contradiction(crs: &str) -> Option<String> {
+    let (code, (_, second)) = (epsg_code(crs)?, crs.split_once('+')?);
+    let (shown, plain): (String, _) = (crs.chars().take(60).collect(), format!("EPSG:{code}"));
+    let Ok(second) = second.trim().parse::<u16>() else {
+        return Some(format!("{shown}: expected the code of a vertical system after the +, as in {plain}+5703"));
     };
-    let short = plane.as_ref().map(|plane| match heights.code {
-        Some(code) => format!("{plane}+{code}"),
-        None => plane.clone(),
-    });
-    let base = match plane.as_deref().and_then(epsg_code) {
-        Some(code) => wkt_of(code).filter(|wkt| !wkt.starts_with("COMPD_CS[")),
-        None => metres.map(local),
-    };
-    match (own, base) {
-        (Some(own), Some(base)) => {
-            let name = short.as_deref().unwrap_or("unknown");
-            Some(compound(name, &base, &heights_of(heights.code, own)))
+    let Codes { horizontal, vertical } = codes_of(&plain);
+    match vertical {
+        Some(own) if own != second => {
+            let plane = horizontal.unwrap_or(code);
+            Some(format!(
+                "{shown}: {plain} has a vertical system of its own, EPSG:{own}: expected {plain} alone, or EPSG:{plane}+{second}"
+            ))
         }
-        _ => short,
+        None if has_own_heights(code) => {
+            Some(format!("{shown}: {plain} has three axes, its own heights: expected {plain} alone"))
+        }
+        _ => None,
+    }
+}
+
+/// Whether a code of the table is that of a system of three axes: geocentric, or geographic with ellipsoidal heights.
+fn has_own_heights(code: u16) -> bool {
+    wkt_of(code).and_then(|wkt| Node::parse(&wkt)).is_some_and(|node| {
+        node.part(|system| (system.is_geocentric() || system.has_axes("3")).then_some(())).is_some()
+    })
+}
+
+/// What is stated of x and y.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Plane {
+    /// EPSG code of their system.
+    pub code: Option<u16>,
+    /// Their unit.
+    pub unit: Option<Unit>,
+}
+
+impl Plane {
+    /// Metres per unit, as stated or by the code.
+    pub fn metres(self) -> Option<f64> {
+        match self.unit.or_else(|| unit_of(&format!("EPSG:{}", self.code?))) {
+            Some(Unit::Length(metres)) => Some(metres),
+            _ => None,
+        }
+    }
+
+    /// A system in WKT 1 of which only the unit, and perhaps the code, are known.
+    fn wkt(self) -> Option<String> {
+        let name = self.code.map_or("unknown".into(), |code| format!("EPSG:{code}"));
+        let id = self.code.map(|code| format!(",{}", authority(code))).unwrap_or_default();
+        Some(match self.unit? {
+            Unit::Length(metres) => {
+                let unit = length_unit(metres);
+                format!("LOCAL_CS[\"{name}\",{unit},AXIS[\"Easting\",EAST],AXIS[\"Northing\",NORTH]{id}]")
+            }
+            Unit::Angle(radians) => {
+                let unit = AngularUnit::of(radians).map_or("unit", |unit| unit.name);
+                format!("GEOGCS[\"{name}\",{UNKNOWN_DATUM},UNIT[\"{unit}\",{radians}]{id}]")
+            }
+        })
+    }
+}
+
+/// The system of x and y and what is stated of heights as one text: `EPSG:n`, `EPSG:n+m`, or WKT if the unit of heights is
+/// not the one that the vertical system, or else x and y, have, or if no code tells that x and y are angles. `None` if
+/// only the unit of x and y is known, a length.
+///
+/// A vertical code counts more than that of a compound system, of which only the horizontal part is left then. Systems of
+/// three axes have their heights themselves.
+pub fn with_heights(plane: Plane, heights: Vertical) -> Option<String> {
+    let angles = matches!(plane.unit, Some(Unit::Angle(_)));
+    match plane.code.filter(|&code| !angles || wkt_of(code).is_some()) {
+        Some(code) => Some(over_code(code, plane, heights)),
+        None => over_unit(plane, heights),
+    }
+}
+
+/// Heights over a plane whose code tells enough.
+fn over_code(code: u16, plane: Plane, heights: Vertical) -> String {
+    let whole = format!("EPSG:{code}");
+    if has_own_heights(code) {
+        return whole;
+    }
+    let Codes { horizontal, vertical } = codes_of(&whole);
+    let horizontal = horizontal.unwrap_or(code);
+    let short = match heights.code.filter(|&stated| vertical != Some(stated)) {
+        Some(stated) => format!("EPSG:{horizontal}+{stated}"),
+        None => whole,
+    };
+    let usual = vertical_unit_of(&short).or(plane.metres()).unwrap_or(1.0);
+    let own = heights.metres_per_unit.filter(|&own| !same_length(own, usual));
+    // Without a unit, x and y are taken as metres everywhere.
+    let unit = Some(Unit::Length(plane.metres().unwrap_or(1.0)));
+    let base = || wkt_of(horizontal).or_else(|| Plane { unit, ..plane }.wkt());
+    let text = own.and_then(|own| Some(compound(&short, &base()?, &heights_of(heights.code.or(vertical), own))));
+    text.unwrap_or(short)
+}
+
+/// Heights over a plane of which no code tells enough.
+fn over_unit(plane: Plane, heights: Vertical) -> Option<String> {
+    let base = plane.wkt()?;
+    let of_code = || vertical(&Node::parse(vertical_wkt(heights.code?)?)?);
+    let own = heights.metres_per_unit.or_else(of_code);
+    let other = |own: f64| !same_length(own, plane.metres().unwrap_or(1.0));
+    match own.filter(|&own| heights.code.is_some() || other(own)) {
+        Some(own) => Some(compound("unknown", &base, &heights_of(heights.code, own))),
+        None => Some(base).filter(|_| plane.metres().is_none()),
     }
 }
 
 /// A vertical system in WKT 1 of which only the unit, and perhaps the code, are known.
 fn heights_of(code: Option<u16>, metres: f64) -> String {
-    let unit = LinearUnit::of(metres).map_or("unit", |unit| unit.name);
     let name = code.map_or("unknown".into(), |code| format!("EPSG:{code}"));
-    let id = code.map(|code| format!(",AUTHORITY[\"EPSG\",\"{code}\"]")).unwrap_or_default();
-    format!("VERT_CS[\"{name}\",VERT_DATUM[\"unknown\",2005],UNIT[\"{unit}\",{metres}],AXIS[\"Up\",UP]{id}]")
+    let id = code.map(|code| format!(",{}", authority(code))).unwrap_or_default();
+    format!("VERT_CS[\"{name}\",VERT_DATUM[\"unknown\",2005],{},AXIS[\"Up\",UP]{id}]", length_unit(metres))
 }
 
 /// A compound system in WKT 1.
@@ -208,74 +358,9 @@ pub fn epsg_code(crs: &str) -> Option<u16> {
 pub fn wkt(crs: &str) -> Option<String> {
     let Some(code) = epsg_code(crs) else { return Some(crs.to_string()) };
     let plane = wkt_of(code)?;
-    let heights = added_vertical(crs).and_then(vertical_wkt).filter(|_| !plane.starts_with("COMPD_CS["));
+    let flat = ["PROJCS[", "GEOGCS["].iter().any(|kind| plane.starts_with(kind));
+    let heights = added_vertical(crs).and_then(vertical_wkt).filter(|_| flat);
     Some(heights.map_or_else(|| plane.clone(), |heights| compound(crs.trim(), &plane, heights)))
-}
-
-/// The WKT of an EPSG code, if it is in the table.
-pub fn wkt_of(code: u16) -> Option<String> {
-    let first = |frame: usize| number(2 + ENTRY * frame, 2);
-    let frame = (0..frames()).take_while(|&f| first(f).is_some_and(|c| c <= usize::from(code))).last()?;
-    let text = lines_of(frame)?;
-    let line = text.lines().find_map(|line| line.split_once('\t').filter(|(c, _)| c.parse() == Ok(code)))?;
-    Some(line.1.to_string())
-}
-
-/// A number of the table.
-fn number(at: usize, bytes: usize) -> Option<usize> {
-    Some(EPSG.get(at..at + bytes)?.iter().rev().fold(0, |sum, &byte| sum << 8 | usize::from(byte)))
-}
-
-/// Number of frames of the table.
-fn frames() -> usize {
-    number(0, 2).unwrap_or(0)
-}
-
-/// The systems in a frame of the table, one a line.
-fn lines_of(frame: usize) -> Option<String> {
-    let end = |frame: usize| number(4 + ENTRY * frame, 4);
-    let start = if frame == 0 { 0 } else { end(frame - 1)? };
-    let data = 2 + ENTRY * frames();
-    let mut text = String::new();
-    flate2::read::DeflateDecoder::new(EPSG.get(data + start..data + end(frame)?)?).read_to_string(&mut text).ok()?;
-    Some(text)
-}
-
-/// The WKT of a vertical system; the table has those that are a part of its compound systems.
-fn vertical_wkt(code: u16) -> Option<&'static str> {
-    static KNOWN: OnceLock<BTreeMap<u16, String>> = OnceLock::new();
-    KNOWN.get_or_init(vertical_parts).get(&code).map(String::as_str)
-}
-
-/// The vertical parts of the table's compound systems, by code.
-fn vertical_parts() -> BTreeMap<u16, String> {
-    let mut found = BTreeMap::new();
-    for text in (0..frames()).filter_map(lines_of) {
-        for part in
-            text.lines().filter(|line| line.contains("\tCOMPD_CS[")).filter_map(|line| part_of(line, "VERT_CS["))
-        {
-            if let Some(code) = Node::parse(part).and_then(|node| node.code()) {
-                found.entry(code).or_insert_with(|| part.to_string());
-            }
-        }
-    }
-    found
-}
-
-/// The first part of a WKT text that begins so, as in `PROJCS[`, up to its closing bracket.
-pub(crate) fn part_of<'a>(wkt: &'a str, opening: &str) -> Option<&'a str> {
-    let text = wkt.get(wkt.find(opening)?..)?;
-    let (mut open, mut quoted) = (0usize, false);
-    let end = text.char_indices().find(|&(_, c)| {
-        match c {
-            '"' => quoted = !quoted,
-            '[' if !quoted => open += 1,
-            ']' if !quoted => open = open.saturating_sub(1),
-            _ => return false,
-        }
-        c == ']' && open == 0
-    })?;
-    text.get(..=end.0)
 }
 
 /// Whether a text tells more than units, as [`local`] does.
@@ -285,127 +370,57 @@ pub fn is_place(crs: &str) -> bool {
 
 /// A local system in WKT 1 that tells only the metres per unit of x and y.
 pub fn local(metres: f64) -> String {
+    Plane { code: None, unit: Some(Unit::Length(metres)) }.wkt().unwrap_or_default()
+}
+
+/// A unit of length in WKT 1.
+fn length_unit(metres: f64) -> String {
     let name = LinearUnit::of(metres).map_or("unit", |unit| unit.name);
-    format!("LOCAL_CS[\"unknown\",UNIT[\"{name}\",{metres}],AXIS[\"Easting\",EAST],AXIS[\"Northing\",NORTH]]")
+    format!("UNIT[\"{name}\",{metres}]")
 }
 
-/// `KEYWORD[value, value, ..., NODE[...], ...]`.
-#[derive(Debug, Default)]
-struct Node {
-    keyword: String,
-    values: Vec<String>,
-    children: Vec<Node>,
+/// A code of EPSG's registry in WKT 1.
+fn authority(code: u16) -> String {
+    format!("AUTHORITY[\"EPSG\",\"{code}\"]")
 }
 
-impl Node {
-    /// Parses a text; `None` if its brackets do not match.
-    fn parse(text: &str) -> Option<Self> {
-        let mut open: Vec<Self> = Vec::new();
-        let (mut word, mut quoted) = (String::new(), false);
-        for c in text.chars() {
-            match c {
-                '"' => quoted = !quoted,
-                _ if quoted => word.push(c),
-                '[' | '(' => {
-                    let keyword = std::mem::take(&mut word).trim().to_ascii_uppercase();
-                    open.push(Self { keyword, ..Self::default() });
-                    if open.len() > DEEPEST {
-                        return None;
-                    }
-                }
-                ',' | ']' | ')' => {
-                    let value = std::mem::take(&mut word).trim().to_string();
-                    let node = open.last_mut()?;
-                    if !value.is_empty() {
-                        node.values.push(value);
-                    }
-                    if c == ',' {
-                        continue;
-                    }
-                    let closed = open.pop()?;
-                    match open.last_mut() {
-                        Some(parent) => parent.children.push(closed),
-                        None => return Some(closed),
-                    }
-                }
-                _ => word.push(c),
-            }
+/// The unit of x and y.
+fn horizontal(system: &Node) -> Option<Unit> {
+    system.part(|system| match &system.keyword[..] {
+        "PROJCS" | "PROJCRS" | "PROJECTEDCRS" | "LOCAL_CS" | "ENGCRS" => stated_length(system).map(Unit::Length),
+        _ if system.is_geocentric() => stated_length(system).map(Unit::Length),
+        "GEOGCS" | "GEOGCRS" | "GEOGRAPHICCRS" | "GEODCRS" | "GEODETICCRS" => {
+            let radians = system.angle().or_else(|| known(system)?.angle());
+            Some(Unit::Angle(radians.unwrap_or(PI / 180.0)))
         }
-        None
-    }
+        _ => None,
+    })
+}
 
-    fn child(&self, keywords: &[&str]) -> Option<&Self> {
-        self.children.iter().find(|child| keywords.contains(&&child.keyword[..]))
-    }
+/// Metres per unit of height.
+fn vertical(system: &Node) -> Option<f64> {
+    system.part(|system| if system.is_vertical() { stated_length(system) } else { None })
+}
 
-    /// The base of a bound system, and of a compound one the first part with that property.
-    fn part<T>(&self, of: impl Fn(&Self) -> Option<T> + Copy) -> Option<T> {
-        match &self.keyword[..] {
-            _ if self.is_compound() => self.children.iter().find_map(|part| part.part(of)),
-            "BOUNDCRS" => self.child(&["SOURCECRS"])?.children.first()?.part(of),
-            _ => of(self),
-        }
-    }
+/// Metres per unit, by the text or else by its code.
+fn stated_length(system: &Node) -> Option<f64> {
+    system.length().or_else(|| known(system)?.length())
+}
 
-    /// The unit of x and y.
-    fn horizontal(&self) -> Option<Unit> {
-        self.part(|system| match &system.keyword[..] {
-            "PROJCS" | "PROJCRS" | "PROJECTEDCRS" | "LOCAL_CS" | "ENGCRS" | "GEOCCS" => {
-                system.length().or_else(|| system.known().and_then(|known| known.length())).map(Unit::Length)
-            }
-            // WKT 2 treats geocentric systems as geodetic ones with Cartesian axes.
-            "GEODCRS" | "GEODETICCRS" if system.is_cartesian() => system.length().map(Unit::Length),
-            "GEOGCS" | "GEOGCRS" | "GEOGRAPHICCRS" | "GEODCRS" | "GEODETICCRS" => Some(Unit::Degrees),
-            _ => None,
-        })
-    }
-
-    /// Metres per unit of height.
-    fn vertical(&self) -> Option<f64> {
-        self.part(|system| match system.is_vertical() {
-            true => system.length().or_else(|| system.known().and_then(|known| known.length())),
-            false => None,
-        })
-    }
-
-    fn is_vertical(&self) -> bool {
-        ["VERT_CS", "VERTCRS", "VERTICALCRS"].contains(&&self.keyword[..])
-    }
-
-    fn is_compound(&self) -> bool {
-        ["COMPD_CS", "COMPOUNDCRS"].contains(&&self.keyword[..])
-    }
-
-    fn is_cartesian(&self) -> bool {
-        self.child(&["CS"]).is_some_and(|cs| cs.values.iter().any(|v| v.eq_ignore_ascii_case("Cartesian")))
-    }
-
-    /// Metres per unit of the system itself: of its first axis (WKT 2), or of all its axes.
-    fn length(&self) -> Option<f64> {
-        let units = ["UNIT", "LENGTHUNIT"];
-        let of_axis = || self.child(&["AXIS"])?.child(&units);
-        let factor: f64 = self.child(&units).or_else(of_axis)?.values.get(1)?.parse().ok()?;
-        (factor.is_finite() && factor > 0.0).then_some(factor)
-    }
-
-    /// The EPSG code of this node itself, not of a node inside it.
-    fn code(&self) -> Option<u16> {
-        let id = self.child(&["AUTHORITY", "ID"])?;
-        match &id.values[..] {
-            [authority, code, ..] if authority.eq_ignore_ascii_case("EPSG") => code.parse().ok(),
-            _ => None,
-        }
-    }
-
-    /// The system in the table with this one's code.
-    fn known(&self) -> Option<Self> {
-        Self::parse(&wkt_of(self.code()?)?)
-    }
+/// The system in the table with the same code.
+fn known(system: &Node) -> Option<Node> {
+    Node::parse(&wkt_of(system.code()?)?)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The name of a system's unit of angles.
+    fn angular(crs: &str) -> &'static str {
+        let Some(Unit::Angle(radians)) = unit_of(crs) else { panic!("{crs}") };
+        AngularUnit::of(radians).unwrap().name
+    }
 
     #[test]
     fn a_local_system_tells_its_unit() {
@@ -436,7 +451,11 @@ mod tests {
             assert!((found - metres).abs() < 1e-12, "{code}: {found}");
         }
         for code in ["EPSG:4326", "epsg:4979", "EPSG:4258", "urn:ogc:def:crs:EPSG::4326", "EPSG:4326+5773"] {
-            assert_eq!(unit_of(code), Some(Unit::Degrees), "{code}");
+            assert_eq!(angular(code), "degree", "{code}");
+        }
+        // Around the meridian of Paris.
+        for code in [4807, 4810, 4811, 4816, 4819, 4821, 4901, 4902] {
+            assert_eq!(angular(&format!("EPSG:{code}")), "grad", "{code}");
         }
         for unknown in ["EPSG:1", "EPSG:65535", "EPSG:", "EPSG:x", "", "é:1234", "somewhere"] {
             assert_eq!(unit_of(unknown), None, "{unknown}");
@@ -465,7 +484,9 @@ mod tests {
         let bare = r#"PROJCS["y",GEOGCS["z",AUTHORITY["EPSG","4269"]],AUTHORITY["EPSG","2229"]]"#;
         assert_eq!(unit_of(bare), Some(Unit::Length(1200.0 / 3937.0)));
         assert_eq!(unit_of(r#"PROJCS["y",GEOGCS["z",AUTHORITY["EPSG","4269"]]]"#), None);
-        assert_eq!(unit_of(r#"GEOGCS["z",UNIT["degree",0.0174]]"#), Some(Unit::Degrees));
+        assert_eq!(angular(r#"GEOGCS["z",UNIT["degree",0.0174]]"#), "degree");
+        let grads = r#"GEOGCRS["z",CS[ellipsoidal,2],AXIS["lat",north,ANGLEUNIT["grad",0.0157079632679489]]]"#;
+        assert_eq!((angular(grads), angular(r#"GEOGCS["z",AUTHORITY["EPSG","4807"]]"#)), ("grad", "grad"));
         assert_eq!(unit_of(r#"GEOGCS["z",UNIT["degree",0.0174"#), None);
         assert!(Node::parse(&"A[".repeat(1000)).is_none());
     }
@@ -504,12 +525,15 @@ mod tests {
         assert_eq!(vertical_of("EPSG:26910"), None);
     }
 
+    fn over(code: u16, heights: Vertical) -> String {
+        with_heights(Plane { code: Some(code), unit: None }, heights).unwrap()
+    }
+
     #[test]
     fn a_unit_of_heights_that_no_code_tells_is_written_as_wkt() {
-        let plane = || Some("EPSG:26910".to_string());
-        let with =
-            |code, metres_per_unit| with_heights(plane(), Some(1.0), Vertical { code, metres_per_unit }).unwrap();
-        assert_eq!((with(None, None), with(None, Some(1.0))), (plane().unwrap(), plane().unwrap()));
+        let plane = || "EPSG:26910".to_string();
+        let with = |code, metres_per_unit| over(26910, Vertical { code, metres_per_unit });
+        assert_eq!((with(None, None), with(None, Some(1.0))), (plane(), plane()));
         assert_eq!((with(Some(6360), None), with(Some(6360), Some(1200.0 / 3937.0))), {
             let both = "EPSG:26910+6360".to_string();
             (both.clone(), both)
@@ -521,16 +545,128 @@ mod tests {
             assert_eq!((unit_of(&found), codes_of(&found).horizontal), (Some(Unit::Length(1.0)), Some(26910)));
         }
         let feet = Vertical { code: None, metres_per_unit: Some(0.3048) };
-        let local = with_heights(None, Some(1.0), feet).unwrap();
+        let over_unit = |metres, heights| with_heights(Plane { code: None, unit: Some(Unit::Length(metres)) }, heights);
+        let local = over_unit(1.0, feet).unwrap();
         assert!(!is_place(&local) && unit_of(&local) == Some(Unit::Length(1.0)) && vertical_of(&local) == Some(feet));
-        assert_eq!(with_heights(None, None, feet), None);
+        assert_eq!((with_heights(Plane::default(), feet), over_unit(0.3048, feet)), (None, None));
         // A plane in feet without a code, heights in metres with one.
         for metres_per_unit in [None, Some(1.0)] {
-            let heights = Vertical { code: Some(5703), metres_per_unit };
-            let local = with_heights(None, Some(0.3048), heights).unwrap();
+            let local = over_unit(0.3048, Vertical { code: Some(5703), metres_per_unit }).unwrap();
             assert_eq!(vertical_of(&local), Some(Vertical { code: Some(5703), metres_per_unit: Some(1.0) }));
             assert_eq!(unit_of(&local), Some(Unit::Length(0.3048)));
         }
+    }
+
+    #[test]
+    fn a_plane_whose_code_is_not_in_the_table_keeps_the_unit_of_heights() {
+        assert_eq!(wkt_of(64000), None);
+        let feet = |code| Vertical { code, metres_per_unit: Some(0.3048) };
+        for (unit, metres) in [(None, 1.0), (Some(Unit::Length(1000.0)), 1000.0)] {
+            for code in [None, Some(5703), Some(5103)] {
+                let found = with_heights(Plane { code: Some(64000), unit }, feet(code)).unwrap();
+                assert_eq!((unit_of(&found), vertical_of(&found)), (Some(Unit::Length(metres)), Some(feet(code))));
+                assert_eq!(codes_of(&found), Codes { horizontal: Some(64000), vertical: code });
+                assert!(is_place(&found) && same(&found, "EPSG:64000"), "{found}");
+            }
+        }
+        assert_eq!(over(64000, Vertical { code: Some(5703), metres_per_unit: Some(1.0) }), "EPSG:64000+5703");
+        assert_eq!(over(64000, Vertical::default()), "EPSG:64000");
+    }
+
+    #[test]
+    fn angles_without_a_known_code_stay_angles() {
+        let grad = Some(Unit::Angle(PI / 200.0));
+        for code in [None, Some(64000)] {
+            for heights in [Vertical::default(), Vertical { code: None, metres_per_unit: Some(0.3048) }] {
+                let found = with_heights(Plane { code, unit: grad }, heights).unwrap();
+                assert_eq!((angular(&found), codes_of(&found).horizontal), ("grad", code));
+                assert_eq!(vertical_of(&found).unwrap_or_default(), heights);
+            }
+        }
+        assert_eq!(with_heights(Plane { code: Some(4807), unit: grad }, Vertical::default()).unwrap(), "EPSG:4807");
+    }
+
+    #[test]
+    fn a_vertical_code_counts_more_than_that_of_a_compound_system() {
+        let coded = |code| Vertical { code: Some(code), metres_per_unit: None };
+        assert_eq!(
+            (over(7405, coded(5701)), over(7405, Vertical::default())),
+            ("EPSG:7405".into(), "EPSG:7405".into())
+        );
+        assert_eq!(
+            (over(7405, coded(5703)), over(5498, coded(5702))),
+            ("EPSG:27700+5703".into(), "EPSG:4269+5702".into())
+        );
+        // The unit of a compound system's heights may be another one.
+        let feet = over(7405, Vertical { code: None, metres_per_unit: Some(0.3048) });
+        assert_eq!(vertical_of(&feet), Some(Vertical { code: Some(5701), metres_per_unit: Some(0.3048) }));
+        assert_eq!((codes_of(&feet).horizontal, unit_of(&feet)), (Some(27700), Some(Unit::Length(1.0))));
+        for three_axes in [4979, 4978] {
+            assert_eq!(over(three_axes, coded(5703)), format!("EPSG:{three_axes}"));
+        }
+    }
+
+    #[test]
+    fn second_heights_are_a_contradiction() {
+        for fine in
+            ["EPSG:7405", "EPSG:7405+5701", "EPSG:26910+5703", "EPSG:64000+5703", "EPSG:26910+5103", "somewhere+x", ""]
+        {
+            assert_eq!(contradiction(fine), None, "{fine}");
+        }
+        for (wrong, advice) in [
+            ("EPSG:7405+5703", "EPSG:27700+5703"),
+            ("epsg:5498 + 5702", "EPSG:4269+5702"),
+            ("urn:ogc:def:crs:EPSG::7405+5703", "EPSG:7405 alone"),
+            ("EPSG:4979+5703", "three axes"),
+            ("EPSG:4978+5703", "three axes"),
+            ("EPSG:26910+", "after the +"),
+            ("EPSG:26910+navd88", "EPSG:26910+5703"),
+            ("EPSG:26910+5703+5702", "after the +"),
+        ] {
+            let found = contradiction(wrong).unwrap();
+            assert!(found.starts_with(wrong) && found.contains(advice), "{found}");
+        }
+    }
+
+    #[test]
+    fn geocentric_systems_are_recognised_in_wkt_1_and_2() {
+        let two = |keyword: &str, end: &str| {
+            format!(
+                r#"{keyword}["c",DATUM["d",ELLIPSOID["e",6378137,298.2,LENGTHUNIT["metre",1]]],CS[Cartesian,3],AXIS["(X)",geocentricX],AXIS["(Y)",geocentricY],AXIS["(Z)",geocentricZ]{end}]"#
+            )
+        };
+        let foot = r#",LENGTHUNIT["foot",0.3048]"#;
+        for keyword in ["GEODCRS", "GEODETICCRS"] {
+            let bound = format!("BOUNDCRS[SOURCECRS[{}],TARGETCRS[{}]]", two(keyword, foot), two(keyword, ""));
+            for crs in [two(keyword, foot), bound] {
+                assert!(is_geocentric(&crs) && unit_of(&crs) == Some(Unit::Length(0.3048)), "{crs}");
+                assert_eq!((vertical_unit_of(&crs), vertical_of(&crs)), (None, None));
+            }
+            // Without a unit, that of the code.
+            let coded = two(keyword, r#",ID["EPSG",4978]"#);
+            assert_eq!((unit_of(&coded), codes_of(&coded).horizontal), (Some(Unit::Length(1.0)), Some(4978)));
+            assert!(same(&coded, "EPSG:4978") && unit_of(&two(keyword, "")).is_none());
+            let flat =
+                format!(r#"{keyword}["g",CS[ellipsoidal,2],AXIS["lat",north],ANGLEUNIT["degree",0.0174532925199433]]"#);
+            assert!(!is_geocentric(&flat) && angular(&flat) == "degree");
+        }
+        assert!(is_geocentric("EPSG:4978") && is_geocentric(&wkt_of(4936).unwrap()));
+        assert!(!["EPSG:4979", "EPSG:4326", "EPSG:7405", "EPSG:25832", "somewhere"].into_iter().any(is_geocentric));
+    }
+
+    #[test]
+    fn units_have_codes_and_sizes_that_tell_them_apart() {
+        for unit in LinearUnit::ALL {
+            assert_eq!((LinearUnit::of(unit.metres), LinearUnit::coded(unit.code)), (Some(unit), Some(unit)));
+        }
+        for unit in AngularUnit::ALL {
+            assert_eq!(AngularUnit::of(unit.radians), Some(unit));
+        }
+        assert_eq!((LinearUnit::of(0.7), LinearUnit::coded(9102), AngularUnit::of(0.7)), (None, None, None));
+        assert_eq!(
+            (angles(PI / 180.0), angles(PI / 200.0), angles(0.7)),
+            ("degrees".into(), "grads".into(), "angles".into())
+        );
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! A cloud in metres: its unit and its stray points, decided once for all steps.
 
+use super::crs::{GEOCENTRIC, is_geocentric};
 use super::{Bounds, Cloud, LocalFrame, Points, StrayParams, Strays};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, watched};
@@ -89,8 +90,8 @@ impl<'a> MetricCloud<'a> {
         Ok(points)
     }
 
-    /// Properties that may change results, as one sentence each: stray points, which are ignored, and coordinates that
-    /// look like degrees although no reference system says so.
+    /// Properties that may change results, as one sentence each: stray points, which are ignored, geocentric coordinates,
+    /// and those that look like degrees although no reference system says so.
     pub fn oddities(&self) -> Vec<String> {
         let Self { cloud, strays, .. } = self;
         let aside = strays.warning(cloud).map(|text| format!("{text}; they are set aside"));
@@ -101,7 +102,8 @@ impl<'a> MetricCloud<'a> {
              filters.reprojection to UTM"
                 .to_string()
         });
-        aside.into_iter().chain(degrees).collect()
+        let geocentric = cloud.crs.as_deref().is_some_and(is_geocentric).then(|| GEOCENTRIC.to_string());
+        aside.into_iter().chain(geocentric).chain(degrees).collect()
     }
 }
 
@@ -135,6 +137,8 @@ mod tests {
         let oddities = |cloud: &Cloud| MetricCloud::new(cloud, None, &Monitor::default()).unwrap().oddities();
         let degrees = Cloud::from_rows(&rows).unwrap();
         assert_eq!(oddities(&degrees).len(), 1);
+        let geocentric = Cloud { crs: Some("EPSG:4978".into()), metres_per_unit: Some(1.0), ..degrees.clone() };
+        assert_eq!(oddities(&geocentric), [GEOCENTRIC]);
         let known = Cloud { metres_per_unit: Some(1.0), ..degrees };
         assert!(oddities(&known).is_empty());
         let metres: Vec<[f64; 3]> = rows.iter().map(|p| [(p[0] - 2.35) * 1e5, (p[1] - 48.85) * 1e5, p[2]]).collect();

@@ -2,12 +2,14 @@
 
 mod column;
 pub mod crs;
+mod epsg;
 mod metric;
 mod points;
 mod positions;
 mod raster;
 mod scheme;
 mod stray;
+mod wkt;
 
 pub(crate) use column::each_values;
 pub use column::{Column, Values};
@@ -259,9 +261,17 @@ impl Cloud {
         }
     }
 
-    /// Whether x and y are degrees: the reference system says so, and no length unit is given.
+    /// Whether x and y are degrees or other angles: the reference system says so, and no length unit is given.
     pub fn is_in_degrees(&self) -> bool {
-        self.metres_per_unit.is_none() && self.crs.as_deref().and_then(crs::unit_of) == Some(crs::Unit::Degrees)
+        self.angle().is_some()
+    }
+
+    /// Radians in the unit of x and y, if they are angles.
+    fn angle(&self) -> Option<f64> {
+        match (self.metres_per_unit, crs::unit_of(self.crs.as_deref()?)) {
+            (None, Some(crs::Unit::Angle(radians))) => Some(radians),
+            _ => None,
+        }
     }
 
     /// Metres per unit of the coordinates: the requested value, else that of the cloud, else 1.
@@ -272,12 +282,15 @@ impl Cloud {
         match asked {
             Some(metres) if metres.is_finite() && metres > 0.0 => Ok(metres),
             Some(metres) => Err(Error::parameter("metres_per_unit", metres, "a number above 0, finite")),
-            None if self.is_in_degrees() => Err(Error::input(
-                "x and y are degrees, but distances are needed: project the cloud first, e.g. with PDAL's \
-                 filters.reprojection to UTM; if they are a length after all, say which (--unit METRES, or \
-                 metres_per_unit in Python)",
-            )),
-            None => Ok(self.metres_per_unit.unwrap_or(1.0)),
+            None => match self.angle() {
+                Some(radians) => Err(Error::input(format!(
+                    "x and y are {}, but distances are needed: project the cloud first, e.g. with PDAL's \
+                     filters.reprojection to UTM; if they are a length after all, say which (--unit METRES, or \
+                     metres_per_unit in Python)",
+                    crs::angles(radians)
+                ))),
+                None => Ok(self.metres_per_unit.unwrap_or(1.0)),
+            },
         }
     }
 

@@ -5,7 +5,7 @@ use super::reader::{BlockReader, Whole};
 use super::{ReadOptions, check_resolution, e57, inside, kitti, las, npz, pcd, ply, ptx, text};
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Reads a file in blocks of `size` points (the last may be shorter), in the order of the file: together they are what
 /// [`read_with`](super::read_with) reads, except for column types of text.
@@ -25,12 +25,14 @@ pub fn blocks(path: &Path, size: usize, options: &ReadOptions) -> Result<Blocks>
     }
     let format = format_of(path)?;
     check_resolution(format, options)?;
-    Ok(Blocks { source: Some(OpenFile::open(format, path, options)?), size, options: options.clone() })
+    let source = Some(OpenFile::open(format, path, options)?);
+    Ok(Blocks { path: path.to_path_buf(), source, size, options: options.clone() })
 }
 
 /// The iterator returned by [`blocks`].
 #[derive(Debug)]
 pub struct Blocks {
+    path: PathBuf,
     /// `None` after the last block.
     source: Option<OpenFile>,
     size: usize,
@@ -89,8 +91,8 @@ impl Iterator for Blocks {
             };
             if !block.is_empty() {
                 let mut block = block;
-                self.options.settle(&mut block);
-                return Some(Ok(block));
+                let settled = self.options.settle(&mut block, &self.path);
+                return Some(settled.map(|()| block).inspect_err(|_| self.source = None));
             }
         }
     }

@@ -33,7 +33,7 @@ pub use options::{Bounds, Columns, ReadOptions, Selection, WriteOptions};
 
 pub use atomic::abandon_outputs;
 pub use atomic::check_output;
-pub use las::{LasFrame, PointReader, las_frame};
+pub use las::{LasFrame, PointReader, ProjectionRecord, las_frame, las_georeference, las_wkt};
 pub use maps::{Georeference, Outline, Outlines, check_outline_output, check_raster_output};
 pub use maps::{geojson, outlines_of, read_ascii_grid, write_outlines, write_raster};
 pub use operations::convert::{ConvertParams, convert};
@@ -43,7 +43,7 @@ pub use operations::select::{rewrite, select};
 pub use operations::{salvage, statistics};
 pub use table::known::name as column_name;
 
-use crate::cloud::crs::{Unit, unit_of, unknown_vertical, vertical_of};
+use crate::cloud::crs::{GEOCENTRIC, Unit, contradiction, is_geocentric, unit_of, unknown_vertical, vertical_of};
 use crate::cloud::{Cloud, Column};
 use crate::error::{Error, Result};
 use format::{Format, check_target, extension, format_of, is_label_name, is_las_name};
@@ -110,7 +110,7 @@ fn read_any(path: &Path, options: &ReadOptions) -> Result<Cloud> {
         Format::Ptx => ptx::read(path, options),
         Format::Kitti => kitti::read(path, options),
     }?;
-    options.settle(&mut cloud);
+    options.settle(&mut cloud, path)?;
     match &options.bounds {
         Some(bounds) if format != Format::Las => Ok(inside(&cloud, bounds)),
         _ => Ok(cloud),
@@ -233,5 +233,9 @@ pub fn inspect_with(path: &Path, text_columns: &[String]) -> Result<FileInfo> {
     }
     info.vertical = info.crs.as_deref().and_then(vertical_of);
     info.warnings.extend(info.crs.as_deref().and_then(unknown_vertical));
+    info.warnings.extend(info.crs.as_deref().and_then(contradiction));
+    if info.crs.as_deref().is_some_and(is_geocentric) {
+        info.warnings.push(GEOCENTRIC.into());
+    }
     Ok(info)
 }

@@ -1,9 +1,11 @@
 //! Options of reading and writing.
 
+use crate::cloud::crs::contradiction;
 use crate::cloud::{ClassNames, Cloud, CodeScheme};
 use crate::error::{Error, Result};
 use crate::io::Edit;
 use crate::parallel::Monitor;
+use std::path::Path;
 
 /// The columns to read besides the coordinates.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -41,7 +43,13 @@ pub struct ReadOptions {
 
 impl ReadOptions {
     /// Gives a cloud that was read the unit, the list of its class codes and the names that were asked for.
-    pub(super) fn settle(&self, cloud: &mut Cloud) {
+    ///
+    /// # Errors
+    /// If its reference system contradicts itself.
+    pub(super) fn settle(&self, cloud: &mut Cloud, path: &Path) -> Result<()> {
+        if let Some(problem) = cloud.crs.as_deref().and_then(contradiction) {
+            return Err(Error::input(format!("{}: {problem}", path.display())));
+        }
         cloud.take_unit_from_crs();
         cloud.metres_per_unit = self.metres_per_unit.or(cloud.metres_per_unit);
         if let Some(asked) = self.scheme {
@@ -50,6 +58,7 @@ impl ReadOptions {
             cloud.class_names.clear();
         }
         cloud.class_names.extend(self.class_names.clone());
+        Ok(())
     }
 
     pub(super) fn wants(&self, name: &str) -> bool {

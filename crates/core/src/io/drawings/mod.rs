@@ -144,18 +144,23 @@ pub fn check_drawing_output(path: &Path) -> Result<()> {
 /// | `.obj` | `l` | groups | no | no | no |
 /// | `.ply` | vertices and edges | no | of vertices | `confidence` | no |
 ///
-/// GeoPackage and GeoJSON round to a thousandth of the unit, DXF and OBJ to a millionth, PLY not at all.
+/// GeoPackage and GeoJSON round to a thousandth of the unit, DXF and OBJ to a millionth, PLY not at all. The reference
+/// system is that of x and y; that of heights, if there is one, is warned of.
 ///
 /// # Errors
 /// As [`check_drawing_output`]; if a line has fewer than two vertices (three if it is closed) or one that is not
-/// finite; if the work was cancelled.
+/// finite; if the unit is not above 0, or the system contradicts itself; if the work was cancelled.
 pub fn write_drawing(path: &Path, drawing: &Drawing, monitor: &Monitor) -> Result<()> {
     let kind = extension(path);
     if !["dxf", "gpkg", "geojson", "json", "obj", "ply"].contains(&kind.as_str()) {
         return check_drawing_output(path);
     }
+    drawing.place.check()?;
     drawing.check(monitor)?;
     drawing.place.warn_of_loss(path, monitor);
+    if ["gpkg", "geojson", "json"].contains(&kind.as_str()) {
+        drawing.place.warn_of_heights(path, monitor);
+    }
     let bytes = match kind.as_str() {
         "dxf" => dxf::text(drawing, monitor)?.into_bytes(),
         "obj" => obj::text(drawing, monitor)?.into_bytes(),

@@ -101,6 +101,34 @@ fn lines_that_cannot_be_drawn_are_refused_with_their_number() {
 }
 
 #[test]
+fn what_a_map_does_not_tell_of_heights_and_units_is_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let warnings = |kind: &str, crs: &str, metres| {
+        let monitor = Monitor::default();
+        let place = Georeference { crs: Some(crs.into()), metres_per_unit: Some(metres) };
+        write_drawing(&folder.path().join(format!("a.{kind}")), &Drawing { place, ..drawing() }, &monitor).unwrap();
+        monitor.take_warnings().join("; ")
+    };
+    for kind in ["gpkg", "geojson"] {
+        assert_eq!(warnings(kind, "EPSG:26910", 1.0), "");
+        let told = warnings(kind, "EPSG:26910+8228", 1.0);
+        assert!(told.ends_with("not kept: the system of heights (EPSG:8228, unit 0.3048 m)"), "{told}");
+        let told = warnings(kind, "EPSG:26910", 0.3048);
+        assert!(told.ends_with("the unit of 0.3048 m; the reference system is one in units of 1 m"), "{told}");
+    }
+    assert_eq!(warnings("dxf", "EPSG:26910+8228", 0.3048), "");
+    // Nothing is written with two systems of heights.
+    let place = Georeference { crs: Some("EPSG:7405+5703".into()), metres_per_unit: None };
+    for kind in KINDS {
+        let path = folder.path().join(format!("b.{kind}"));
+        let refused = write_drawing(&path, &Drawing { place: place.clone(), ..drawing() }, &Monitor::default());
+        assert!(refused.unwrap_err().to_string().contains("EPSG:27700+5703") && !path.exists());
+    }
+    let path = folder.path().join("b.gpkg");
+    assert!(crate::io::write_outlines(&path, &[], &place, &Monitor::default()).is_err() && !path.exists());
+}
+
+#[test]
 fn cancelled_work_writes_nothing() {
     let monitor = Monitor::default();
     monitor.cancel();

@@ -2,7 +2,7 @@
 
 use super::copc;
 use super::fields::of_format;
-use super::header::crs::{crs, other_vertical_unit};
+use super::header::crs::Projection;
 use super::records::Records;
 use super::rewrite::provenance;
 use crate::error::Result;
@@ -18,7 +18,8 @@ pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
     }
     let header = &records.header;
     let (extras, undescribed) = records.extras();
-    let (crs, metres_per_unit) = crs(header, records.vlrs.iter().chain(&records.evlrs));
+    let all = records.vlrs.iter().chain(&records.evlrs);
+    let Projection { crs, metres_per_unit, warning } = Projection::of(header.wkt(), all);
     let fields = of_format(header.format).map(|(_, name)| name.to_string());
     if undescribed > 0 {
         warnings.push(format!("{undescribed} extra bytes a point have no descriptor; they are kept, not shown"));
@@ -26,9 +27,7 @@ pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
     if (0..3).any(|a| header.low[a] > header.high[a]) && header.points > 0 {
         warnings.push("the bounds in the header are not in order".into());
     }
-    if let Some(vertical) = other_vertical_unit(header, records.vlrs.iter().chain(&records.evlrs)) {
-        warnings.push(super::vertical_warning(metres_per_unit, vertical));
-    }
+    warnings.extend(warning);
     if let Some(offset) = header.time().1 {
         warnings
             .push(format!("GPS times count from {offset} million seconds; other formats than LAS do not keep that"));

@@ -12,6 +12,7 @@ mod salvage;
 mod write;
 
 pub(super) use fields::layout::Layout;
+pub use header::crs::{ProjectionRecord, las_georeference};
 pub(super) use header::vlr::{Vlr, read_at};
 pub(super) use header::{HEADER_SIZES, Header, f64_at, u16_at, u64_at};
 pub(super) use info::inspect;
@@ -23,18 +24,9 @@ pub(super) use records::stream::Stream;
 pub(super) use rewrite::crop::crop;
 pub(super) use rewrite::merge::merge;
 pub(super) use rewrite::{check_dimensions, convert, rewrite_records, select};
-pub use write::las_frame;
 pub use write::step::LasFrame;
 pub(super) use write::{check_finite, write};
-
-/// The warning if heights have a unit of their own.
-fn vertical_warning(horizontal: Option<f64>, vertical: f64) -> String {
-    let horizontal = horizontal.unwrap_or(1.0);
-    format!(
-        "x and y are in units of {horizontal} m, heights in units of {vertical} m: shapes will be distorted; bring them to one \
-         unit first, e.g. with PDAL's filters.reprojection"
-    )
-}
+pub use write::{las_frame, las_wkt};
 
 /// Whether a file starts like LAS and LAZ files.
 pub(super) fn is_las(path: &std::path::Path) -> crate::error::Result<bool> {

@@ -2,7 +2,9 @@
 
 use super::{Georeference, NODATA, row_from_north};
 use crate::cloud::Raster;
-use crate::cloud::crs::{Codes, LinearUnit, Unit, codes_of, part_of, unit_of, vertical_unit_of, wkt, wkt_of};
+use crate::cloud::crs::{
+    AngularUnit, Codes, LinearUnit, Unit, codes_of, is_geocentric, part_of, unit_of, vertical_unit_of,
+};
 use crate::error::{Error, Result};
 use crate::io::atomic::AtomicFile;
 use crate::memory;
@@ -22,9 +24,6 @@ const GDAL_METADATA: Tag = Tag::Unknown(42112);
 
 /// Code of what has none.
 const OWN: u16 = 32767;
-
-/// Code of the degree.
-const DEGREE: u16 = 9102;
 
 /// Longest text of a system that GDAL reads.
 const LONGEST: usize = 2300;
@@ -118,10 +117,9 @@ enum Model {
 impl Model {
     /// Codes that are not in our table are taken for projected systems.
     fn of(crs: &str) -> Self {
-        let wkt = codes_of(crs).horizontal.and_then(wkt_of).or_else(|| wkt(crs)).unwrap_or_default();
         match unit_of(crs) {
-            Some(Unit::Degrees) => Self::Geographic,
-            _ if wkt.starts_with("GEOCCS[") => Self::Geocentric,
+            Some(Unit::Angle(_)) => Self::Geographic,
+            _ if is_geocentric(crs) => Self::Geocentric,
             _ => Self::Projected,
         }
     }
@@ -138,23 +136,41 @@ fn keys(place: &Georeference) -> Keys {
     }
     let (own, projected) = (text.is_some().then_some(OWN), model == Model::Projected);
     let text = text.unwrap_or_default();
-    let metres = place.metres_per_unit.filter(|_| projected);
+    let metres = place.metres_per_unit.filter(|_| model != Model::Geographic);
     let linear = metres.map(|metres| LinearUnit::of(metres).map_or(OWN, |unit| unit.code));
-    // An own unit of heights has no place in the keys.
-    let heights = vertical_unit_of(crs).and(place.metres_per_height()).and_then(LinearUnit::of).map(|unit| unit.code);
+    let angular = match unit_of(crs) {
+        Some(Unit::Angle(radians)) => Some(radians),
+        _ => None,
+    };
+    let angle = angular.map(|radians| AngularUnit::of(radians).map_or(OWN, |unit| unit.code));
+    let (linear, earth_centred) = if projected { (linear, None) } else { (None, linear) };
     let entries = [
         short(1024, own.or(Some(model as u16))),
         short(1025, Some(1)),
         short(2048, horizontal.filter(|_| !projected)),
-        short(2054, Some(DEGREE).filter(|_| model == Model::Geographic)),
+        short(2052, earth_centred),
+        own_unit(2053, earth_centred),
+        short(2054, angle),
+        own_unit(2055, angle),
         short(3072, own.or(horizontal).filter(|_| projected)),
         own.map(|_| [3073, 34737, text.len() as u16, 0]),
         short(3076, linear),
-        own_unit(linear),
+        own_unit(3077, linear),
         short(4096, vertical),
-        short(4099, heights),
+        short(4099, height_unit(place)),
     ];
-    Keys { directory: directory(&entries), texts: text, doubles: own_size(metres) }
+    let own_angle = angular.filter(|_| angle == Some(OWN));
+    Keys {
+        directory: directory(&entries),
+        texts: text,
+        doubles: own_angle.into_iter().chain(own_size(metres)).collect(),
+    }
+}
+
+/// The unit of heights, if the system tells it; one without a code has no place in the keys.
+fn height_unit(place: &Georeference) -> Option<u16> {
+    vertical_unit_of(place.crs.as_deref()?)?;
+    place.metres_per_height().and_then(LinearUnit::of).map(|unit| unit.code)
 }
 
 /// The keys of a plane of which only the unit is known.
@@ -167,7 +183,9 @@ fn unit_alone(place: &Georeference) -> Keys {
         short(1025, Some(1)),
         Some([1026, 34737, texts.len() as u16, 0]),
         short(3076, linear),
-        own_unit(linear),
+        own_unit(3077, linear),
+        short(4096, place.crs.as_deref().and_then(|crs| codes_of(crs).vertical)),
+        short(4099, height_unit(place)),
     ];
     Keys { directory: directory(&entries), texts, doubles: own_size(Some(metres)) }
 }
@@ -177,9 +195,9 @@ fn short(key: u16, value: Option<u16>) -> Option<[u16; 4]> {
     value.map(|value| [key, 0, 1, value])
 }
 
-/// The key that refers to the size of a unit that has no code.
-fn own_unit(linear: Option<u16>) -> Option<[u16; 4]> {
-    linear.filter(|&code| code == OWN).map(|_| [3077, 34736, 1, 0])
+/// The key that refers to the size of a unit that has no code: the first number, as a system has one unit of x and y.
+fn own_unit(key: u16, code: Option<u16>) -> Option<[u16; 4]> {
+    code.filter(|&code| code == OWN).map(|_| [key, 34736, 1, 0])
 }
 
 /// The size of a unit that has no code.
@@ -256,18 +274,42 @@ mod tests {
     fn geographic_and_geocentric_systems_are_no_projected_ones() {
         let degrees = Georeference { crs: Some("EPSG:4326".into()), metres_per_unit: None };
         assert_eq!(of(&degrees), [[1024, 2], [1025, 1], [2048, 4326], [2054, 9102]]);
-        assert_eq!(of(&place("EPSG:4978", 1.0)), [[1024, 3], [1025, 1], [2048, 4978]]);
+        let grads = |code| Georeference { crs: Some(format!("EPSG:{code}")), metres_per_unit: None };
+        for code in [4807, 4810, 4811, 4816, 4819, 4821, 4901, 4902] {
+            assert_eq!(of(&grads(code)), [[1024, 2], [1025, 1], [2048, code], [2054, 9105]]);
+        }
+        let own = r#"GEOGCS["a",UNIT["unit",0.1],AUTHORITY["EPSG","4807"]]"#;
+        let own = keys(&Georeference { crs: Some(own.into()), metres_per_unit: None });
+        assert_eq!((&own.directory[16..], own.doubles), (&[2054, 0, 1, 32767, 2055, 34736, 1, 0][..], vec![0.1]));
+        // A geocentric system in WKT 2, with a code of the table and with another.
+        for code in [4978, 64000] {
+            let two = format!(
+                r#"GEODCRS["c",CS[Cartesian,3],AXIS["(X)",geocentricX],LENGTHUNIT["metre",1],ID["EPSG",{code}]]"#
+            );
+            for crs in [two, "EPSG:4978".into()].into_iter().take(if code == 4978 { 2 } else { 1 }) {
+                assert_eq!(of(&place(&crs, 1.0)), [[1024, 3], [1025, 1], [2048, code], [2052, 9001]]);
+            }
+        }
+        // Without a code, nothing but the unit is kept, and the loss is told.
+        let two = r#"GEODCRS["c",CS[Cartesian,3],AXIS["(X)",geocentricX],LENGTHUNIT["foot",0.3048]]"#;
+        assert_eq!(of(&place(two, 0.3048)), [[1024, 32767], [1025, 1], [1026, 0], [3076, 9002]]);
+        assert!(loses(&place(two, 0.3048)));
     }
 
     #[test]
     fn a_unit_without_a_system_is_kept() {
         let unit = |metres| Georeference { crs: None, metres_per_unit: Some(metres) };
         assert_eq!(of(&unit(0.3048)), [[1024, 32767], [1025, 1], [1026, 0], [3076, 9002]]);
-        let own = keys(&unit(1000.0));
+        assert_eq!(of(&unit(1000.0))[3], [3076, 9036]);
+        let own = keys(&unit(100.0));
         assert_eq!(
             (&own.directory[16..], &own.doubles[..]),
-            (&[3076, 0, 1, 32767, 3077, 34736, 1, 0][..], &[1000.0][..])
+            (&[3076, 0, 1, 32767, 3077, 34736, 1, 0][..], &[100.0][..])
         );
+        // Heights over it.
+        let heights = r#"COMPD_CS["unknown",LOCAL_CS["unknown",UNIT["metre",1]],VERT_CS["v",UNIT["foot",0.3048],AUTHORITY["EPSG","8228"]]]"#;
+        let keys = [[1024, 32767], [1025, 1], [1026, 0], [3076, 9001], [4096, 8228], [4099, 9002]];
+        assert_eq!(of(&place(heights, 1.0)), keys);
     }
 
     #[test]

@@ -16,7 +16,9 @@ pub use outlines::{check_outline_output, write_outlines};
 
 use super::check_output;
 use super::format::extension;
-use crate::cloud::crs::{Unit, is_place, same_length, unit_of, vertical_unit_of};
+use crate::cloud::crs::{
+    Unit, Vertical, contradiction, is_place, other_unit, same_length, unit_of, vertical_of, vertical_unit_of,
+};
 use crate::cloud::{Cloud, Raster};
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
@@ -38,7 +40,7 @@ pub struct Georeference {
 impl Georeference {
     /// That of a cloud whose unit is a length; a system in degrees is then not that of its coordinates.
     pub fn of(cloud: &Cloud) -> Self {
-        let crs = cloud.crs.clone().filter(|crs| unit_of(crs) != Some(Unit::Degrees));
+        let crs = cloud.crs.clone().filter(|crs| !matches!(unit_of(crs), Some(Unit::Angle(_))));
         Self { crs, metres_per_unit: cloud.metres_per_unit }
     }
 
@@ -53,8 +55,11 @@ impl Georeference {
         vertical_unit_of(crs).filter(|_| !overridden).or(self.metres_per_unit)
     }
 
-    /// Fails if the unit is not a length.
-    fn check(&self) -> Result<()> {
+    /// Fails if the unit is not a length, or the system contradicts itself.
+    pub(in crate::io) fn check(&self) -> Result<()> {
+        if let Some(problem) = self.crs.as_deref().and_then(contradiction) {
+            return Err(Error::input(problem));
+        }
         match self.metres_per_unit {
             Some(metres) if !(metres.is_finite() && metres > 0.0) => {
                 Err(Error::parameter("metres_per_unit", metres, "a number above 0, finite"))
@@ -68,9 +73,23 @@ impl Georeference {
         self.crs.as_deref().is_some_and(is_place)
     }
 
-    /// Warns if a file of this name could tell the reference system, but not this one.
+    /// Warns of the system and unit of heights, of which a file that tells the system of x and y has only the numbers.
+    pub(in crate::io) fn warn_of_heights(&self, path: &Path, monitor: &Monitor) {
+        let Some(Vertical { code, .. }) = self.crs.as_deref().and_then(vertical_of) else { return };
+        let system = code.map(|code| format!("EPSG:{code}"));
+        let unit = self.metres_per_height().map(|metres| format!("unit {metres} m"));
+        let told = [system, unit].into_iter().flatten().collect::<Vec<_>>().join(", ");
+        monitor.warn(format!("{}: not kept: the system of heights ({told})", path.display()));
+    }
+
+    /// Warns if a file of this name could tell the reference system, but not this one, or has no room for the unit.
     pub(in crate::io) fn warn_of_loss(&self, path: &Path, monitor: &Monitor) {
-        let (lost, what) = match extension(path).as_str() {
+        let kind = extension(path);
+        if ["geojson", "json", "gpkg"].contains(&kind.as_str()) {
+            let unit = other_unit(self.metres_per_unit, self.crs.as_deref());
+            unit.iter().for_each(|text| monitor.warn(format!("{}: {text}", path.display())));
+        }
+        let (lost, what) = match kind.as_str() {
             "tif" | "tiff" => {
                 (geotiff::loses(self), "has neither an EPSG code nor a projected system in short plain WKT 1")
             }
@@ -111,8 +130,8 @@ pub fn check_raster_output(path: &Path) -> Result<()> {
 /// `f32`. O(cells).
 ///
 /// # Errors
-/// As [`check_raster_output`], if a height is -9999 or beyond the range of `f32`, the unit is not above 0, or the work was
-/// cancelled.
+/// As [`check_raster_output`], if a height is -9999 or beyond the range of `f32`, the unit is not above 0, the system
+/// contradicts itself (`EPSG:7405+5703`), or the work was cancelled.
 pub fn write_raster(path: &Path, raster: &Raster, place: &Georeference, monitor: &Monitor) -> Result<()> {
     place.check()?;
     check_heights(raster, monitor)?;

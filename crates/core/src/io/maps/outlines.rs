@@ -25,8 +25,9 @@ pub fn check_outline_output(path: &Path) -> Result<()> {
 /// as GeoPackage with one table that has the name of the file, by the extension.
 ///
 /// # Errors
-/// As [`check_outline_output`].
+/// As [`check_outline_output`], if the unit is not above 0, or the system contradicts itself.
 pub fn write_outlines(path: &Path, outlines: &[Outline], place: &Georeference, monitor: &Monitor) -> Result<()> {
+    place.check()?;
     place.warn_of_loss(path, monitor);
     let bytes = match extension(path).as_str() {
         "geojson" | "json" => geojson(outlines, place).into_bytes(),

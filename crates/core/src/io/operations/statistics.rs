@@ -157,7 +157,7 @@ fn unit_warning(info: &FileInfo, [low, high]: Bounds) -> Option<String> {
     let plan = size[0].max(size[1]);
     let degrees = low[0] >= -180.0 && high[0] <= 180.0 && low[1] >= -90.0 && high[1] <= 90.0;
     let fine = info.scale.is_some_and(|s| s[0] < 1e-5 && s[1] < 1e-5);
-    let geographic = info.crs.as_deref().and_then(unit_of) == Some(Unit::Degrees);
+    let geographic = matches!(info.crs.as_deref().and_then(unit_of), Some(Unit::Angle(_)));
     if degrees && (geographic || fine || plan > 0.0 && plan < 1.0 && size[2] > 20.0 * plan) {
         return Some("x and y look like degrees; features need metres: project the cloud first".into());
     }

@@ -4,7 +4,7 @@ use crate::cloud::{Cloud, CodeScheme, Coordinates, Values};
 use crate::error::{Error, Result};
 use crate::io::ReadOptions;
 use crate::io::las::fields::layout::Layout;
-use crate::io::las::header::crs::crs;
+use crate::io::las::header::crs::Projection;
 use crate::io::las::header::lookup;
 use crate::io::las::records::stream::Stream;
 use std::ops::Range;
@@ -68,7 +68,8 @@ impl PointReader {
             }
         }
         let records = &self.stream.records;
-        (cloud.crs, cloud.metres_per_unit) = crs(header, records.vlrs.iter().chain(&records.evlrs));
+        let projection = Projection::of(header.wkt(), records.vlrs.iter().chain(&records.evlrs));
+        (cloud.crs, cloud.metres_per_unit) = (projection.crs, projection.metres_per_unit);
         Ok(cloud)
     }
 }

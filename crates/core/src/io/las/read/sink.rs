@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::io::las::fields::extra::Extra;
 use crate::io::las::fields::{self, Field};
 use crate::io::las::header::Header;
-use crate::io::las::header::crs::{crs, other_vertical_unit};
+use crate::io::las::header::crs::Projection;
 use crate::io::las::header::lookup;
 use crate::io::las::records::Records;
 use crate::io::options::Bounds;
@@ -57,11 +57,8 @@ impl Sink {
                 FieldSource::Extra(_) => selection.decompress_extra_bytes(),
             });
         let vlrs = records.vlrs.iter().chain(&records.evlrs);
-        let (crs, metres_per_unit) = crs(&header, vlrs.clone());
-        if let Some(vertical) = other_vertical_unit(&header, vlrs) {
-            let text = crate::io::las::vertical_warning(metres_per_unit, vertical);
-            options.monitor.warn(format!("{}: {text}", records.path.display()));
-        }
+        let Projection { crs, metres_per_unit, warning } = Projection::of(header.wkt(), vlrs);
+        warning.iter().for_each(|text| options.monitor.warn(format!("{}: {text}", records.path.display())));
         let (bounds, class_names) = (options.bounds, lookup::get(&records.vlrs));
         Self { header, bounds, ticks: Default::default(), columns, crs, metres_per_unit, class_names }
     }

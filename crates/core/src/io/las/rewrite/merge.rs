@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::io::info::{NamedCrs, check_crs};
 use crate::io::las::chunks::unpack::slab;
 use crate::io::las::fields::extra::{self, Extra};
-use crate::io::las::header::crs::crs;
+use crate::io::las::header::crs::Projection;
 use crate::io::las::header::vlr::Vlr;
 use crate::io::las::header::{Header, RECORD_SIZES, array, f64_at, put, u16_at};
 use crate::io::las::records::Records;
@@ -76,7 +76,7 @@ pub(in crate::io) fn merge(inputs: &[PathBuf], output: &Path, options: &WriteOpt
 
 fn part(path: &Path) -> Result<Part> {
     let records = Records::open(path)?;
-    let (crs, _) = crs(&records.header, records.vlrs.iter().chain(&records.evlrs));
+    let Projection { crs, .. } = Projection::of(records.header.wkt(), records.vlrs.iter().chain(&records.evlrs));
     let evlrs = records.evlrs.iter().map(|v| format!("{} {}", v.user(), u16_at(&v.head, 18))).collect();
     Ok(Part { path: path.to_path_buf(), header: records.header, vlrs: records.vlrs, evlrs, crs })
 }

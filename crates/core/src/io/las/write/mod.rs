@@ -7,7 +7,7 @@ use super::fields::extra;
 use super::fields::fit::Fit;
 use super::header::vlr::Vlr;
 use super::header::{RECORD_SIZES, lookup, put};
-use crate::cloud::crs::codes_of;
+use crate::cloud::crs::{codes_of, other_unit};
 use crate::cloud::{Cloud, Column, Coordinates, names};
 use crate::error::{Error, Result};
 use crate::io::WriteOptions;
@@ -24,7 +24,7 @@ const SLAB: usize = 100_000;
 pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
     options.validate()?;
     let frame = frame(cloud, options)?;
-    let wkt = wkt(cloud, options);
+    let wkt = las_wkt(cloud, &options.monitor);
     let has = |name| cloud.column(name).is_some();
     let format = if has("Infrared") {
         8
@@ -82,16 +82,19 @@ pub fn las_frame(cloud: &Cloud, options: &WriteOptions) -> Result<LasFrame> {
     frame(cloud, options)
 }
 
-/// The reference system as WKT, the only form in point formats from 6 on.
-fn wkt(cloud: &Cloud, options: &WriteOptions) -> Option<String> {
+/// The reference system as WKT, the only form in point formats from 6 on. Warns of what that does not tell.
+pub fn las_wkt(cloud: &Cloud, monitor: &Monitor) -> Option<String> {
     let kept = cloud.wkt().filter(|wkt| wkt.len() < 65_535);
     if let (None, Some(text)) = (&kept, &cloud.crs) {
         let short: String = text.chars().take(60).collect();
-        options.monitor.warn(format!("the reference system {short} is not kept: no WKT of it is known that fits LAS"));
+        monitor.warn(format!("the reference system {short} is not kept: no WKT of it is known that fits LAS"));
     }
     let heights = |crs: &Option<String>| crs.as_deref().and_then(|crs| codes_of(crs).vertical);
     if let (Some(_), Some(code), None) = (&kept, heights(&cloud.crs), heights(&kept)) {
-        options.monitor.warn(format!("the vertical system EPSG:{code} is not kept: it is not in our table"));
+        monitor.warn(format!("the vertical system EPSG:{code} is not kept: it is not in our table"));
+    }
+    if let Some(text) = other_unit(cloud.metres_per_unit, kept.as_deref()) {
+        monitor.warn(format!("{text}, which the file tells instead"));
     }
     kept
 }
