@@ -282,3 +282,73 @@ def test_heights_that_differ_are_not_merged_in_any_order(tmp_path, extension, or
     scansion.merge(paths[:2], tmp_path / f"both.{extension}")
     with pytest.raises(ValueError, match="system than"):
         scansion.merge([paths[number] for number in order], tmp_path / f"all.{extension}")
+
+
+def with_keys(path, keys, wkt=None):
+    """A LAS file with GeoTIFF keys, and WKT that counts if ``wkt`` is given, made by laspy."""
+    las = las_of("1.4", 6) if wkt else las_of("1.2", 3)
+    entries = np.array([[1, 1, 0, len(keys)], *keys], "<u2")
+    for number, data in [(34735, entries.tobytes()), (34736, np.array([7.0, 0.25], "<f8").tobytes())]:
+        las.header.vlrs.append(laspy.VLR("LASF_Projection", number, record_data=data))
+    if wkt:
+        las.header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(wkt))
+        las.header.global_encoding.wkt = True
+    las.write(path)
+
+
+METRES = [(1024, 0, 1, 1), (3072, 0, 1, 26910), (3076, 0, 1, 9001)]
+
+
+@pytest.mark.parametrize(
+    ("keys", "wkt", "unit"),
+    [
+        (METRES, None, 1.0),
+        ([*METRES, (4096, 0, 1, 6360)], None, 1.0),
+        ([*METRES, (4099, 0, 1, 9003)], None, 1.0),
+        ([(1024, 0, 1, 1), (3072, 0, 1, 2229), (4099, 0, 1, 9001)], None, 1200 / 3937),
+        ([(1024, 0, 1, 1), (3076, 0, 1, 32767), (3077, 34736, 1, 1)], None, 0.25),
+        ([(1024, 0, 1, 1), (3076, 0, 1, 9096)], None, 0.9144),
+        ([(1024, 0, 1, 2), (2048, 0, 1, 4326), (3076, 0, 1, 9001)], None, None),
+        ([(1024, 0, 1, 2), (2048, 0, 1, 32767), (2054, 0, 1, 9105)], None, None),
+        (METRES, 'LOCAL_CS["own",UNIT["foot",0.3048]]', 0.3048),
+        ([], None, None),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:.*heights in units:UserWarning")
+def test_laspy_clouds_have_the_system_and_units_of_the_file(tmp_path, keys, wkt, unit):
+    with_keys(tmp_path / "a.las", keys, wkt)
+    ours = scansion.read(tmp_path / "a.las")
+    theirs = scansion.PointCloud.from_laspy(laspy.read(tmp_path / "a.las"))
+    assert (theirs.crs, theirs.metres_per_unit) == (ours.crs, ours.metres_per_unit)
+    assert theirs.metres_per_unit == (None if unit is None else pytest.approx(unit, rel=1e-12))
+
+
+def test_laspy_clouds_warn_of_heights_in_another_unit_and_keep_it(tmp_path):
+    with_keys(tmp_path / "a.las", [*METRES, (4099, 0, 1, 9003)])
+    for cloud_of in (scansion.read, lambda path: scansion.PointCloud.from_laspy(laspy.read(path))):
+        with pytest.warns(UserWarning, match=r"units of 1 m, heights in units of 0\.3048006"):
+            cloud = cloud_of(tmp_path / "a.las")
+        assert f'UNIT["US survey foot",{1200 / 3937}]' in cloud.crs and '"26910"' in cloud.crs
+
+
+def test_a_system_that_laspy_does_not_get_is_told():
+    xyz = np.arange(30.0).reshape(10, 3)
+    for crs, metres, told in [("EPSG:64000", None, "not kept"), ("EPSG:26910+5103", None, "5103"), ("EPSG:26910", 0.3048, "0.3048 m")]:
+        with pytest.warns(UserWarning, match=told):
+            scansion.PointCloud(xyz, crs=crs, metres_per_unit=metres).to_laspy()
+
+
+def test_a_second_vertical_system_is_an_error(tmp_path):
+    xyz = np.arange(30.0).reshape(10, 3)
+    cloud = scansion.PointCloud(xyz, crs="EPSG:7405")
+    for wrong, advice in [("EPSG:7405+5703", r"EPSG:27700\+5703"), ("EPSG:4979+5703", "three axes"), ("EPSG:2154+x", r"after the \+")]:
+        with pytest.raises(ValueError, match=f"crs: .*{advice}"):
+            scansion.PointCloud(xyz, crs=wrong)
+        with pytest.raises(ValueError, match=advice):
+            cloud.crs = wrong
+        raster = scansion.terrain.Raster(np.zeros((2, 2)), (0.0, 0.0), 1.0, wrong, 1.0)
+        with pytest.raises(ValueError, match=advice):
+            scansion.terrain.write_raster(tmp_path / "a.tif", raster)
+    assert cloud.crs == "EPSG:7405" and not (tmp_path / "a.tif").exists()
+    for fine in ["EPSG:7405", "EPSG:7405+5701", "EPSG:27700+5703", "my own"]:
+        assert scansion.PointCloud(xyz, crs=fine).crs == fine

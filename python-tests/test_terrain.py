@@ -134,6 +134,9 @@ def test_geotiff_tells_the_system_of_heights_degrees_and_a_unit_alone(tmp_path):
     found, system, _ = keys("EPSG:4326")
     assert (found["GTModelTypeGeoKey"], found["GeographicTypeGeoKey"]) == (2, 4326)
     assert system.is_geographic and system.to_epsg() == 4326
+    found, system, _ = keys("EPSG:4807")
+    assert (found["GeographicTypeGeoKey"], found["GeogAngularUnitsGeoKey"]) == (4807, 9105)
+    assert system.is_geographic and system.to_epsg() == 4807
     found, _, units = keys(None, 0.3048)
     assert found["ProjLinearUnitsGeoKey"] == 9002 and units == ("foot",)
 

@@ -1,13 +1,14 @@
 //! Module `cloud`: the native object inside Python's `PointCloud`.
 
-use crate::call::in_pieces;
+use crate::call::{call, in_pieces};
 use crate::convert::{axes, holds, to_matrix, to_vector, values, vector};
 use crate::error::raise;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
+use scansion_core::cloud::crs::contradiction;
 use scansion_core::cloud::{Cloud as CoreCloud, CodeScheme, Column, Coordinates, OwnClass};
-use scansion_core::io::WriteOptions;
+use scansion_core::io::{ProjectionRecord, WriteOptions, las_georeference};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -110,16 +111,36 @@ impl Cloud {
         self.inner.wkt()
     }
 
+    /// The reference system as WKT for LAS; warns of what is lost.
+    fn las_wkt(&self, py: Python<'_>) -> PyResult<Option<String>> {
+        call(py, Some(1), |monitor| Ok(scansion_core::io::las_wkt(&self.inner, monitor)))
+    }
+
+    /// Takes over what the records of LAS with these numbers tell of the reference system and unit. `wkt`: the file says
+    /// that WKT counts.
+    fn take_las_records(&mut self, py: Python<'_>, records: Vec<(u16, Vec<u8>)>, wkt: bool) -> PyResult<()> {
+        let records: Vec<_> = records.into_iter().map(|(id, data)| ProjectionRecord { id, data }).collect();
+        let place = call(py, Some(1), |monitor| Ok(las_georeference(&records, wkt, monitor)))?;
+        let cloud = Arc::make_mut(&mut self.inner);
+        (cloud.crs, cloud.metres_per_unit) = (place.crs, place.metres_per_unit);
+        cloud.take_unit_from_crs();
+        Ok(())
+    }
+
     #[getter]
     fn crs(&self) -> Option<String> {
         self.inner.crs.clone()
     }
 
     #[setter]
-    fn set_crs(&mut self, crs: Option<String>) {
+    fn set_crs(&mut self, crs: Option<String>) -> PyResult<()> {
+        if let Some(problem) = crs.as_deref().and_then(contradiction) {
+            return Err(PyValueError::new_err(format!("crs: {problem}")));
+        }
         let cloud = Arc::make_mut(&mut self.inner);
         cloud.crs = crs;
         cloud.take_unit_from_crs();
+        Ok(())
     }
 
     #[getter]

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scansion import _core
 from scansion._arrays import check_whole, refuse
 from scansion._names import LASPY
-from scansion._units import METRES
 
 if TYPE_CHECKING:
     from scansion._cloud import PointCloud
@@ -24,9 +23,6 @@ _LARGEST_ANGLE = 196.6
 """Degrees that 16 bits hold in this unit."""
 _TIME = "GpsTime"
 """The only dimension of floats."""
-
-_LINEAR_UNIT = 3076
-"""The GeoTIFF key ProjLinearUnitsGeoKey."""
 
 
 def from_laspy(kind: type[PointCloud], las: Any) -> PointCloud:
@@ -48,9 +44,7 @@ def from_laspy(kind: type[PointCloud], las: Any) -> PointCloud:
             for number, part in enumerate(values.T if arrays else [values]):
                 cloud._put(_free(f"{name}{number}" if arrays else LASPY.get(name, name), cloud.columns), part)
     cloud.scheme = "asprs"
-    cloud.crs = _laspy_crs(las.header)
-    if cloud.crs is None:
-        cloud.metres_per_unit = METRES.get(_geo_keys(las.header).get(_LINEAR_UNIT, 0))
+    cloud._native.take_las_records(_system_records(las), bool(las.header.global_encoding.wkt))
     return cloud
 
 
@@ -73,7 +67,7 @@ def to_laspy(cloud: PointCloud) -> Any:
         header.scales, header.offsets = np.array(ticks[1]), np.array(ticks[2])
     else:
         header.scales, header.offsets = (np.array(values) for values in core.las_frame())
-    if (wkt := core.wkt()) is not None:
+    if (wkt := core.las_wkt()) is not None:
         header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(wkt))
         header.global_encoding.wkt = True
     las = laspy.LasData(header)
@@ -114,20 +108,7 @@ def _held(values: NDArray[Any], name: str, high: float) -> NDArray[Any]:
     return found
 
 
-def _laspy_crs(header: Any) -> str | None:
-    for vlr in header.vlrs:
-        text = getattr(vlr, "string", None)
-        if getattr(vlr, "record_id", None) == 2112 and text:
-            return str(text).rstrip("\0")
-    values = _geo_keys(header)
-    code = values.get(3072, values.get(2048) if values.get(1024) == 2 else None)
-    heights = values.get(4096)
-    if code in (None, 0, 32767):
-        return None
-    return f"EPSG:{code}" if heights in (None, 0, 32767) else f"EPSG:{code}+{heights}"
-
-
-def _geo_keys(header: Any) -> dict[int, int]:
-    """The GeoTIFF keys that are numbers."""
-    keys = [vlr.geo_keys for vlr in header.vlrs if getattr(vlr, "record_id", None) == 34735]
-    return {key.id: key.value_offset for key in (keys[0] if keys else []) if key.tiff_tag_location == 0}
+def _system_records(las: Any) -> list[tuple[int, bytes]]:
+    """Numbers and contents of the records that tell the reference system, as the file has them."""
+    records = chain(las.header.vlrs, getattr(las, "evlrs", None) or [])
+    return [(record.record_id, record.record_data_bytes()) for record in records if record.user_id == "LASF_Projection"]
