@@ -61,6 +61,13 @@ fn convert_and_merge_keep_what_the_target_holds() {
     let (_, err) = ends(f, &["convert", "crs.laz", "out.ply"], 0);
     assert!(err.contains("reference system"), "{err}");
     ends(f, &["convert", "in.laz", "in.laz"], 2);
+    cloud.metres_per_unit = Some(1.0);
+    scansion_core::io::write(&f.join("metres.npz"), &cloud, &Default::default()).unwrap();
+    cloud.metres_per_unit = Some(0.3048);
+    scansion_core::io::write(&f.join("feet.npz"), &cloud, &Default::default()).unwrap();
+    let (out, _) = ends(f, &["diff", "metres.npz", "feet.npz"], 1);
+    assert!(out.contains("metres per unit") && out.contains("0.3048"), "{out}");
+    std::fs::remove_file(f.join("feet.npz")).unwrap();
     (cloud.crs, cloud.metres_per_unit) = (None, Some(0.3048));
     scansion_core::io::write(&f.join("feet.npz"), &cloud, &Default::default()).unwrap();
     ends(f, &["convert", "feet.npz", "-o", "feet.laz"], 0);

@@ -170,6 +170,39 @@ mod tests {
     }
 
     #[test]
+    fn every_kind_of_loss_has_its_words() {
+        let cloud = |times: [f64; 3]| {
+            let mut cloud = Cloud::from_rows(&[[0.0; 3], [1.0; 3], [2.0; 3]]).unwrap();
+            cloud.set_column(Column::new("GpsTime", Values::F64(times.to_vec()))).unwrap();
+            cloud
+        };
+        let notes = |a: &Cloud, b: &Cloud| losses(a, b, &WriteOptions::default()).unwrap();
+        let (whole, nan) = (cloud([1.0, 2.0, 3.0]), f64::NAN);
+        assert!(notes(&whole, &whole).is_empty() && notes(&cloud([1.0, nan, 3.0]), &cloud([1.0, nan, 3.0])).is_empty());
+        assert_eq!(notes(&whole, &cloud([1.5, 2.0, 3.0])), ["GpsTime: rounded in 1 points, by 5.000e-1 at most"]);
+        let none = |n| format!("GpsTime: a number became none, or none a number, in {n} points");
+        assert_eq!(notes(&whole, &cloud([nan, 2.0, 3.0])), [none(1)]);
+        assert_eq!(notes(&cloud([nan, 2.0, 3.0]), &cloud([1.0, nan, 3.0])), [none(2)]);
+        let both = notes(&whole, &cloud([1.25, nan, nan]));
+        assert_eq!(both, ["GpsTime: rounded in 1 points, by 2.500e-1 at most".into(), none(2)]);
+        let mut placed = whole.clone();
+        (placed.crs, placed.metres_per_unit) = (Some("EPSG:26910+6360".into()), Some(1.0));
+        let lost = ["not kept: the coordinate reference system", "not kept: the unit of 1 m"];
+        assert_eq!(notes(&placed, &whole), lost);
+        // The same system in another form, then with other heights.
+        let as_text = |code: &str| {
+            let mut cloud = placed.clone();
+            cloud.crs = crs::wkt(code);
+            cloud
+        };
+        assert!(notes(&placed, &as_text("EPSG:26910+6360")).is_empty());
+        assert_eq!(notes(&placed, &as_text("EPSG:26910+5703")), lost[..1]);
+        let mut fewer = whole.select(&[0, 1]);
+        fewer.take_column("GpsTime").unwrap();
+        assert_eq!(notes(&whole, &fewer)[..2], ["3 points became 2", "not kept: GpsTime"]);
+    }
+
+    #[test]
     fn another_point_format_holds_every_field_or_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let source = file(folder.path(), "a.las");

@@ -3,6 +3,7 @@
 use super::points::{class_changes, count_classes};
 use super::tally::Tally;
 use super::{Changed, Difference};
+use crate::cloud::crs::same_length;
 use crate::cloud::{Cloud, Column, Coordinates, Values, names};
 use crate::error::Result;
 use crate::io::{ReadOptions, read_with};
@@ -22,6 +23,11 @@ pub(in crate::io) fn compare(a: &Cloud, b: &Cloud, monitor: &Monitor) -> Result<
     if a.crs != b.crs {
         let text = |crs: &Option<String>| crs.clone().unwrap_or_else(|| "absent".into());
         found.header.push(Changed::new("coordinate reference system", text(&a.crs), text(&b.crs)));
+    }
+    if let (Some(one), Some(two)) = (a.metres_per_unit, b.metres_per_unit)
+        && !same_length(one, two)
+    {
+        found.header.push(Changed::new("metres per unit", one, two));
     }
     found.fields = (0..3).filter_map(|axis| axis_tally(a, b, axis).finish()).collect();
     for column in a.columns() {
