@@ -212,6 +212,9 @@ def test_units_follow_from_the_reference_system():
     assert scansion.PointCloud(xyz, crs="EPSG:2229").metres_per_unit == pytest.approx(1200 / 3937, rel=1e-12)
     assert scansion.PointCloud(xyz, crs="EPSG:2229", metres_per_unit=1.0).metres_per_unit == 1.0
     assert scansion.PointCloud(xyz, crs="EPSG:4326").metres_per_unit is None
+    cloud = scansion.PointCloud(xyz, crs="EPSG:2229")
+    cloud.crs = "EPSG:32632"
+    assert cloud.metres_per_unit == 1.0
 
 
 def test_degrees_are_refused_where_distances_count():

@@ -137,9 +137,7 @@ impl Cloud {
         if let Some(problem) = crs.as_deref().and_then(contradiction) {
             return Err(PyValueError::new_err(format!("crs: {problem}")));
         }
-        let cloud = Arc::make_mut(&mut self.inner);
-        cloud.crs = crs;
-        cloud.take_unit_from_crs();
+        Arc::make_mut(&mut self.inner).set_crs(crs);
         Ok(())
     }
 
@@ -180,8 +178,13 @@ impl Cloud {
     }
 
     #[setter]
-    fn set_metres_per_unit(&mut self, metres: Option<f64>) {
+    fn set_metres_per_unit(&mut self, metres: Option<f64>) -> PyResult<()> {
+        if let Some(wrong) = metres.filter(|m| !(m.is_finite() && *m > 0.0)) {
+            let text = format!("metres_per_unit: found {wrong}, expected a number above 0, finite");
+            return Err(PyValueError::new_err(text));
+        }
         Arc::make_mut(&mut self.inner).metres_per_unit = metres;
+        Ok(())
     }
 }
 

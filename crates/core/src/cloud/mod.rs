@@ -279,7 +279,7 @@ impl Cloud {
     /// # Errors
     /// If the number is not finite and above 0, or the coordinates are degrees.
     pub fn metres(&self, asked: Option<f64>) -> Result<f64> {
-        match asked {
+        match asked.or(self.metres_per_unit) {
             Some(metres) if metres.is_finite() && metres > 0.0 => Ok(metres),
             Some(metres) => Err(Error::parameter("metres_per_unit", metres, "a number above 0, finite")),
             None => match self.angle() {
@@ -289,9 +289,23 @@ impl Cloud {
                      metres_per_unit in Python)",
                     crs::angles(radians)
                 ))),
-                None => Ok(self.metres_per_unit.unwrap_or(1.0)),
+                None => Ok(1.0),
             },
         }
+    }
+
+    /// Gives the cloud another reference system. A unit that is that of the former one becomes that of the new one, if it
+    /// states one; any other unit stays.
+    pub fn set_crs(&mut self, crs: Option<String>) {
+        let unit = |crs: &Option<String>| crs.as_deref().and_then(crs::unit_of);
+        if let (Some(metres), Some(crs::Unit::Length(former)), Some(_)) =
+            (self.metres_per_unit, unit(&self.crs), unit(&crs))
+            && crs::same_length(metres, former)
+        {
+            self.metres_per_unit = None;
+        }
+        self.crs = crs;
+        self.take_unit_from_crs();
     }
 
     /// Sets the unit from the reference system if it is not known otherwise.
@@ -352,6 +366,29 @@ mod tests {
         let rows: Vec<[f64; 3]> = rows.iter().map(|r| [r[0], r[1], if r[0] > 900.0 { r[2] } else { 0.5 }]).collect();
         let many = Cloud::from_rows(&rows).unwrap();
         assert_eq!(many.bounds_watched(&Monitor::default()).unwrap(), many.bounds());
+    }
+
+    #[test]
+    fn a_unit_goes_with_its_system_and_stays_without() {
+        let foot = 1200.0 / 3937.0;
+        let after = |start: Option<f64>, systems: &[Option<&str>]| {
+            let mut cloud = Cloud::from_rows(&[[0.0; 3]]).unwrap();
+            cloud.metres_per_unit = start;
+            systems.iter().for_each(|crs| cloud.set_crs(crs.map(String::from)));
+            cloud.metres_per_unit
+        };
+        let feet = Some("EPSG:2229");
+        assert_eq!([after(None, &[feet]), after(None, &[feet, None])], [Some(foot); 2]);
+        assert_eq!(
+            [after(None, &[feet, Some("EPSG:25832")]), after(None, &[feet, Some("EPSG:4326")])],
+            [Some(1.0), None]
+        );
+        assert_eq!(after(None, &[feet, Some("somewhere")]), Some(foot));
+        assert_eq!([after(Some(0.5), &[feet]), after(Some(0.5), &[feet, Some("EPSG:25832")])], [Some(0.5); 2]);
+        for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let cloud = Cloud { metres_per_unit: Some(wrong), ..Cloud::from_rows(&[]).unwrap() };
+            assert!(cloud.metres(None).is_err() && cloud.metres(Some(2.0)).is_ok());
+        }
     }
 
     #[test]

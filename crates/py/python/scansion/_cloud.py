@@ -142,7 +142,8 @@ class PointCloud:
 
     @property
     def crs(self) -> str | None:
-        """Coordinate reference system as the file states it: WKT, ``EPSG:n``, or ``EPSG:n+m`` with a vertical system m."""
+        """Coordinate reference system as the file states it: WKT, ``EPSG:n``, or ``EPSG:n+m`` with a vertical system m. If
+        another is set, a unit that is that of the former one becomes that of the new one."""
         return self._native.crs
 
     @crs.setter
