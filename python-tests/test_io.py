@@ -333,15 +333,33 @@ def test_laspy_clouds_warn_of_heights_in_another_unit_and_keep_it(tmp_path):
 
 def test_a_system_that_laspy_does_not_get_is_told():
     xyz = np.arange(30.0).reshape(10, 3)
-    for crs, metres, told in [("EPSG:64000", None, "not kept"), ("EPSG:26910+5103", None, "5103"), ("EPSG:26910", 0.3048, "0.3048 m")]:
+    for crs, metres, told in [
+        ("EPSG:64000", None, "not kept"),
+        ("EPSG:26910+5103", None, "5103"),
+        ("EPSG:26910", 0.3048, "0.3048 m"),
+    ]:
         with pytest.warns(UserWarning, match=told):
             scansion.PointCloud(xyz, crs=crs, metres_per_unit=metres).to_laspy()
+
+
+@pytest.mark.parametrize("metres", [0.0, -1.0, np.nan, np.inf])
+def test_a_unit_of_a_cloud_that_is_no_length_is_an_error(metres):
+    cloud = scansion.PointCloud(np.eye(3), metres_per_unit=0.3048)
+    with pytest.raises(ValueError, match="metres_per_unit: .*above 0"):
+        cloud.metres_per_unit = metres
+    with pytest.raises(ValueError, match="metres_per_unit: .*above 0"):
+        scansion.PointCloud(np.eye(3), metres_per_unit=metres)
+    assert cloud.metres_per_unit == 0.3048
 
 
 def test_a_second_vertical_system_is_an_error(tmp_path):
     xyz = np.arange(30.0).reshape(10, 3)
     cloud = scansion.PointCloud(xyz, crs="EPSG:7405")
-    for wrong, advice in [("EPSG:7405+5703", r"EPSG:27700\+5703"), ("EPSG:4979+5703", "three axes"), ("EPSG:2154+x", r"after the \+")]:
+    for wrong, advice in [
+        ("EPSG:7405+5703", r"EPSG:27700\+5703"),
+        ("EPSG:4979+5703", "three axes"),
+        ("EPSG:2154+x", r"after the \+"),
+    ]:
         with pytest.raises(ValueError, match=f"crs: .*{advice}"):
             scansion.PointCloud(xyz, crs=wrong)
         with pytest.raises(ValueError, match=advice):

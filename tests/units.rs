@@ -164,12 +164,8 @@ fn what_las_cannot_tell_of_a_system_is_told() {
         ("EPSG:26910+6360", 1.0, ""),
         ("EPSG:26910+5103", 1.0, "the vertical system EPSG:5103 is not kept: it is not in our table"),
         ("EPSG:64000", 1.0, "the reference system EPSG:64000 is not kept: no WKT of it is known"),
-        (
-            "EPSG:26910",
-            0.3048,
-            "not kept: the unit of 0.3048 m; the reference system is one in units of 1 m, which the file",
-        ),
-        ("EPSG:4326", 1.0, "not kept: the unit of 1 m; the reference system is one in degrees, which the file"),
+        ("EPSG:26910", 0.3048, "not kept: the unit of 0.3048 m; the file tells a reference system in units of 1 m"),
+        ("EPSG:4326", 1.0, "not kept: the unit of 1 m; the file tells a reference system in degrees"),
     ] {
         let mut cloud = town(&[]);
         (cloud.crs, cloud.metres_per_unit) = (Some(crs.into()), Some(metres));

@@ -133,15 +133,17 @@ pub fn vertical_unit_of(crs: &str) -> Option<f64> {
     }
 }
 
-/// What to tell the user of coordinates whose unit is not the one that their system states.
+/// What to tell the user of coordinates whose unit is not the one that their system states; metres without a statement.
 pub fn other_unit(metres: Option<f64>, crs: Option<&str>) -> Option<String> {
-    let (metres, stated) = (metres?, unit_of(crs?)?);
-    let stated = match stated {
-        Unit::Length(stated) if same_length(stated, metres) => return None,
-        Unit::Length(stated) => format!("units of {stated} m"),
-        Unit::Angle(radians) => angles(radians),
+    let metres = metres?;
+    let instead = match crs.and_then(unit_of) {
+        Some(Unit::Length(stated)) if same_length(stated, metres) => return None,
+        None if same_length(metres, 1.0) => return None,
+        Some(Unit::Length(stated)) => format!("; the file tells a reference system in units of {stated} m"),
+        Some(Unit::Angle(radians)) => format!("; the file tells a reference system in {}", angles(radians)),
+        None => String::new(),
     };
-    Some(format!("not kept: the unit of {metres} m; the reference system is one in {stated}"))
+    Some(format!("not kept: the unit of {metres} m{instead}"))
 }
 
 /// What is known of the heights of a system.

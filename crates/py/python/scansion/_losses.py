@@ -5,9 +5,6 @@ from __future__ import annotations
 import os
 from math import isclose
 
-import numpy as np
-
-from scansion import _core
 from scansion._cloud import PointCloud
 
 _LAS = (".las", ".laz")
@@ -22,26 +19,19 @@ def losses(cloud: PointCloud, path: str) -> list[str]:
     if _ending(path) in _WHOLE:
         return []
     if _ending(path) in _LAS:
-        return [*_lost_unit(cloud, _core_unit(cloud._core.wkt())), *_lost_records(cloud)]
+        return _lost_records(cloud)  # The core tells of system and unit.
     system = ["the coordinate reference system"] if cloud.crs is not None else []
-    return [*system, *_lost_unit(cloud, None)]
+    return [*system, *_lost_unit(cloud)]
 
 
 def _ending(path: str) -> str:
     return os.path.splitext(path)[1].lower()
 
 
-def _core_unit(system: str | None) -> float | None:
-    """Metres per unit of a reference system."""
-    empty = _core.Cloud.from_xyz(np.empty((0, 3)))
-    empty.crs = system
-    return empty.metres_per_unit
-
-
-def _lost_unit(cloud: PointCloud, kept: float | None) -> list[str]:
+def _lost_unit(cloud: PointCloud) -> list[str]:
     metres = cloud.metres_per_unit
     # A file without a unit is taken to be in metres.
-    same = metres is None or isclose(metres, 1.0 if kept is None else kept, rel_tol=1e-6)
+    same = metres is None or isclose(metres, 1.0, rel_tol=1e-6)
     return [] if same else [f"the unit of {metres:g} m"]
 
 

@@ -114,7 +114,7 @@ fn what_a_map_does_not_tell_of_heights_and_units_is_warned_of() {
         let told = warnings(kind, "EPSG:26910+8228", 1.0);
         assert!(told.ends_with("not kept: the system of heights (EPSG:8228, unit 0.3048 m)"), "{told}");
         let told = warnings(kind, "EPSG:26910", 0.3048);
-        assert!(told.ends_with("the unit of 0.3048 m; the reference system is one in units of 1 m"), "{told}");
+        assert!(told.ends_with("the unit of 0.3048 m; the file tells a reference system in units of 1 m"), "{told}");
     }
     assert_eq!(warnings("dxf", "EPSG:26910+8228", 0.3048), "");
     // Nothing is written with two systems of heights.

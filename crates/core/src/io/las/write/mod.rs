@@ -94,7 +94,7 @@ pub fn las_wkt(cloud: &Cloud, monitor: &Monitor) -> Option<String> {
         monitor.warn(format!("the vertical system EPSG:{code} is not kept: it is not in our table"));
     }
     if let Some(text) = other_unit(cloud.metres_per_unit, kept.as_deref()) {
-        monitor.warn(format!("{text}, which the file tells instead"));
+        monitor.warn(text);
     }
     kept
 }
