@@ -51,7 +51,8 @@ fn heading(scope: Scope) -> &'static str {
         Scope::Class => {
             "## Context\n\nFor each point and class, with p the probability of the class in the first of two stages \
              ([auto-context](airborne.md));\nthe column has the code of the class and the edge of the voxels or cells \
-             appended, as in `Voxel_6_r0p5`. Used by the\nrecipes `airborne`, `mobile` and `indoor`.\n"
+             appended, as in `Voxel_6_r0p5`. Used by the\nrecipes `airborne`, `mobile`, `indoor` and \
+             [`contours`](contours.md), which alone uses those that begin with `Band`.\n"
         }
         Scope::Point => {
             "## Features of points\n\nOnce for each point: its own columns (return numbers in the recipe `airborne`; others on \
@@ -113,7 +114,7 @@ fn the_features_of_the_built_in_model_are_in_the_registry() {
     let scopes = [Scope::Level, Scope::Cell, Scope::Point];
     assert!(context.iter().all(|name| Feature::named(name, Scope::Class).is_some()), "{context:?}");
     let registered = |name: &String| scopes.iter().any(|&scope| Feature::named(name, scope).is_some());
-    let first = model.trained.first.map(|first| first.feature_names).unwrap_or_default();
+    let first = model.trained.earlier.into_iter().flat_map(|stage| stage.feature_names).collect::<Vec<_>>();
     assert!(!first.is_empty() && first.iter().all(registered), "{first:?}");
     let known = |name: &String| registered(name) || context.contains(name);
     assert!(

@@ -262,6 +262,13 @@ registry! {
     ContextBelow "Below" Context: "mean p of the points of the cell that are not above the point", "0..1", "-", "-";
     ContextAbove "Above" Context: "mean p of the points of the cell that are not below the point", "0..1", "-", "-";
     ContextTop "Top" Context: "mean p of the highest points of the cell", "0..1", "-", "-";
+    BandMost "BandMost" Context: "largest p in 3 x 3 x 3 voxels", "0..1", "-", "NaN";
+    BandLength "BandLength" Context: "sqrt(l1) / edge, of the points in 3 x 3 x 3 voxels with weights p", ">= 0", "-", "NaN";
+    BandWidth "BandWidth" Context: "sqrt(l2) / edge, of the same points", ">= 0", "-", "NaN";
+    BandThickness "BandThickness" Context: "sqrt(l3) / edge, of the same points", ">= 0", "-", "NaN";
+    BandAcross "BandAcross" Context: "distance of the point from the line through their weighted mean along e1 / edge", ">= 0", "-", "NaN";
+    BandOffset "BandOffset" Context: "distance of the point from their weighted mean / edge", ">= 0", "-", "NaN";
+    BandShare "BandShare" Context: "p of the point / BandMost", "0..1", "-", "NaN";
     Red "Red" Colour: "red / largest value of the type", "0..1", "-", "-";
     Green "Green" Colour: "green / largest value of the type", "0..1", "-", "-";
     Blue "Blue" Colour: "blue / largest value of the type", "0..1", "-", "-";

@@ -7,7 +7,7 @@ use super::{Eigen3, Sym3};
 /// doi:10.1080/00031305.1983.10483115: far from the origin too no digits are lost.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Spread {
-    /// Number of points.
+    /// Number of points, or sum of their weights.
     pub(crate) count: f64,
     /// Mean of the points.
     pub(crate) mean: [f64; 3],
@@ -17,7 +17,12 @@ pub(crate) struct Spread {
 impl Spread {
     /// One point.
     pub(crate) fn of(point: [f64; 3]) -> Self {
-        Self { count: 1.0, mean: point, scatter: Sym3::default() }
+        Self::weighted(point, 1.0)
+    }
+
+    /// One point that counts as so many, 0 or more.
+    pub(crate) fn weighted(point: [f64; 3], count: f64) -> Self {
+        Self { count, mean: point, scatter: Sym3::default() }
     }
 
     /// Adds the points of another set.
@@ -40,7 +45,7 @@ impl Spread {
 
     /// Eigenvalues and eigenvectors of the covariance, divided by the number of points.
     pub(crate) fn eigen(&self) -> Eigen3 {
-        let share = 1.0 / self.count.max(1.0);
+        let share = if self.count > 0.0 { 1.0 / self.count } else { 1.0 };
         let Sym3 { diagonal, off } = self.scatter;
         Sym3 { diagonal: diagonal.map(|v| share * v), off: off.map(|v| share * v) }.eigen()
     }

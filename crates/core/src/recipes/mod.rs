@@ -53,7 +53,7 @@ pub use spheres::{SphereGroups, SpheresKind, SpheresRecipe};
 pub use suggest::{Doubt, KnownPoints, SuggestParams, Suggestion, suggest, suggestion_page};
 pub use system::report::{ClassCount, Report};
 pub use system::{Fitted, Nothing, SharedSettings, System, TrainOptions, TrainingResult};
-pub use trained::{FirstStage, Trained};
+pub use trained::{EarlierStage, Trained};
 pub use training::blocks::square_folds;
 pub use training::choice::{CandidateScore, ChoiceReport};
 pub use training::networks::NetworkReport;

@@ -20,18 +20,18 @@ pub struct Trained {
     /// Says of vegetation and buildings how much they are like cars, from the features of `classifier`; its two classes
     /// are others and cars.
     pub cars: Option<Classifier>,
-    /// The classifier whose probabilities are features of `classifier`, if there are two stages.
-    pub first: Option<FirstStage>,
+    /// The classifiers before it, if there are several stages: the probabilities of each are among what the next looks at.
+    pub earlier: Vec<EarlierStage>,
     /// The parameters, in the order of their names, of the network that gives the features, if one does.
     pub network: Option<Parameters<f32>>,
 }
 
-/// The first of two classifiers.
+/// A classifier before the last one.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FirstStage {
+pub struct EarlierStage {
     /// Feature names in the order of the classifier's columns; each once.
     pub feature_names: Vec<String>,
-    /// The classifier, of the same classes as the second.
+    /// The classifier, of the same classes as the last.
     pub classifier: Classifier,
     /// Summary of its training samples; `None` in models of older programs.
     pub fingerprint: Option<Fingerprint>,
@@ -46,7 +46,7 @@ pub(super) struct Stage<'a> {
     pub(super) training: Option<&'a Fingerprint>,
 }
 
-impl FirstStage {
+impl EarlierStage {
     pub(super) fn stage(&self) -> Stage<'_> {
         Stage { names: &self.feature_names, classifier: &self.classifier, training: self.fingerprint.as_ref() }
     }
@@ -90,11 +90,14 @@ impl Trained {
                 "a classifier of cars of {cars_width} features and {cars_classes} classes (allowed: {width} and 2)"
             )));
         }
-        if let Some(FirstStage { feature_names, classifier, fingerprint }) = &self.first {
+        if self.earlier.len() > 2 {
+            return Err(Error::input(format!("{} earlier classifiers (allowed: up to 2)", self.earlier.len())));
+        }
+        for EarlierStage { feature_names, classifier, fingerprint } in &self.earlier {
             let found = [feature_names.len(), classifier.width(), classifier.classes()];
             if found != [classifier.width(), classifier.width(), classes] {
                 return Err(Error::input(format!(
-                    "a first classifier of {} features and {} classes with {} feature names (allowed: {classes} classes)",
+                    "an earlier classifier of {} features and {} classes with {} feature names (allowed: {classes} classes)",
                     found[1], found[2], found[0]
                 )));
             }

@@ -2,8 +2,9 @@
 //!
 //! Z. Tu, X. Bai, *Auto-context and its application to high-level vision tasks and 3D brain image segmentation*, IEEE
 //! TPAMI 32(10), 2010, doi:10.1109/TPAMI.2009.186. Here the context is the mean of the class probabilities in voxels,
-//! in cells in plan, and below, above and on top of the point in its own cell.
+//! in cells in plan, and below, above and on top of the point in its own cell; and the shape of the band that likely points form.
 
+mod bands;
 mod blocks;
 mod stacks;
 
@@ -11,6 +12,7 @@ use crate::cloud::Positions;
 use crate::error::{Error, Result};
 use crate::features::definition::{Feature, class_name};
 use crate::parallel::{Monitor, map_each};
+use bands::Bands;
 use blocks::{PlanCells, Solid};
 use serde::{Deserialize, Serialize};
 use stacks::Stacks;
@@ -25,11 +27,20 @@ pub struct ContextParams {
     pub cells: Vec<f64>,
     /// Edges of cells in plan in which what lies below and above the point, and the highest point, are taken apart.
     pub stacks: Vec<f64>,
+    /// Edges of voxels; of each class, the shape of the points in the 3 x 3 x 3 voxels around a point is taken, each with
+    /// the weight of its probability, and the place of the point in it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub bands: Vec<f64>,
 }
 
 impl Default for ContextParams {
     fn default() -> Self {
-        Self { voxels: vec![0.5, 1.0, 2.0, 4.0], cells: vec![1.0, 2.0, 4.0, 8.0], stacks: vec![1.0, 2.0] }
+        Self {
+            voxels: vec![0.5, 1.0, 2.0, 4.0],
+            cells: vec![1.0, 2.0, 4.0, 8.0],
+            stacks: vec![1.0, 2.0],
+            bands: Vec::new(),
+        }
     }
 }
 
@@ -39,9 +50,12 @@ impl ContextParams {
     /// # Errors
     /// If a size is outside its range.
     pub fn validate(&self) -> Result<()> {
-        for (name, sizes) in
-            [("context.voxels", &self.voxels), ("context.cells", &self.cells), ("context.stacks", &self.stacks)]
-        {
+        for (name, sizes) in [
+            ("context.voxels", &self.voxels),
+            ("context.cells", &self.cells),
+            ("context.stacks", &self.stacks),
+            ("context.bands", &self.bands),
+        ] {
             if let Some(size) = sizes.iter().find(|&&size| !(0.01..=1e4).contains(&size)) {
                 return Err(Error::parameter(name, size, "0.01..10000 metres each"));
             }
@@ -51,7 +65,13 @@ impl ContextParams {
 
     /// Distance in plan, metres, within which points have an influence.
     pub fn reach(&self) -> f64 {
-        let all = self.voxels.iter().chain(&self.cells).map(|&size| 2.0 * size).chain(self.stacks.iter().copied());
+        let all = self
+            .voxels
+            .iter()
+            .chain(&self.cells)
+            .chain(&self.bands)
+            .map(|&size| 2.0 * size)
+            .chain(self.stacks.iter().copied());
         all.fold(0.0, f64::max)
     }
 
@@ -68,9 +88,23 @@ impl ContextParams {
             let stack = [Feature::ContextBelow, Feature::ContextAbove, Feature::ContextTop];
             stack.into_iter().for_each(|feature| add(feature, Some(size)));
         }
+        for &size in &self.bands {
+            BAND.into_iter().for_each(|feature| add(feature, Some(size)));
+        }
         names
     }
 }
+
+/// What is described of a band, in the order of [`Bands::describe`].
+const BAND: [Feature; bands::VALUES] = [
+    Feature::BandMost,
+    Feature::BandLength,
+    Feature::BandWidth,
+    Feature::BandThickness,
+    Feature::BandAcross,
+    Feature::BandOffset,
+    Feature::BandShare,
+];
 
 /// Points with the probabilities of a first classifier.
 #[derive(Clone, Copy, Debug)]
@@ -102,6 +136,7 @@ pub struct Context {
     solids: Vec<Solid>,
     plans: Vec<PlanCells>,
     stacks: Vec<Stacks>,
+    bands: Vec<Bands>,
 }
 
 impl Context {
@@ -124,12 +159,14 @@ impl Context {
             solids: map_each(&params.voxels, monitor, |&size| Solid::new(rated, size, monitor))?,
             plans: map_each(&params.cells, monitor, |&size| PlanCells::new(rated, size, monitor))?,
             stacks: map_each(&params.stacks, monitor, |&size| Stacks::new(rated, size, monitor))?,
+            bands: map_each(&params.bands, monitor, |&size| Bands::new(rated, size, monitor))?,
         })
     }
 
     /// Number of features.
     pub fn width(&self) -> usize {
-        self.classes * (1 + self.solids.len() + self.plans.len() + 3 * self.stacks.len())
+        let bands = bands::VALUES * self.bands.len();
+        self.classes * (1 + self.solids.len() + self.plans.len() + 3 * self.stacks.len() + bands)
     }
 
     /// The context of one of the points, whose own probabilities are `own`, in the order of [`ContextParams::names`].
@@ -142,12 +179,16 @@ impl Context {
         for stacks in &self.stacks {
             stacks.describe(at, [next(), next(), next()]);
         }
+        for bands in &self.bands {
+            bands.describe(at, own, std::array::from_fn(|_| next()));
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::linalg::{Eigen3, Sym3};
     use crate::random::stream;
 
     struct Scene {
@@ -179,7 +220,7 @@ mod tests {
     fn means_are_those_of_looking_at_every_point() {
         let scene = scene();
         let rated = Rated { points: &scene.points, probabilities: &scene.values, classes: 2 };
-        let params = ContextParams { voxels: vec![0.5, 2.0], cells: vec![1.0], stacks: vec![2.0] };
+        let params = ContextParams { voxels: vec![0.5, 2.0], cells: vec![1.0], stacks: vec![2.0], bands: Vec::new() };
         let context = Context::new(&rated, &params, &Monitor::default()).unwrap();
         let names = params.names(&[2, 6]);
         assert_eq!((names.len(), context.width()), (14, 14));
@@ -206,6 +247,57 @@ mod tests {
                 assert!((out[2 * k] + out[2 * k + 1] - 1.0).abs() < 1e-4);
             }
         }
+    }
+
+    #[test]
+    fn bands_have_the_shape_of_all_points_around_weighted_by_their_probabilities() {
+        let Scene { points, mut values } = scene();
+        // No point of one corner is likely.
+        (0..4000).filter(|&i| points.x[i] > 8.0).for_each(|i| values[2 * i] = 0.0);
+        let params = ContextParams { voxels: vec![], cells: vec![], stacks: vec![], bands: vec![2.0] };
+        let rated = Rated { points: &points, probabilities: &values, classes: 2 };
+        let context = Context::new(&rated, &params, &Monitor::default()).unwrap();
+        let names = params.names(&[2, 6]);
+        assert_eq!((names.len(), context.width()), (16, 16));
+        assert_eq!((names[2].as_str(), names[15].as_str()), ("BandMost_2_r2", "BandShare_6_r2"));
+        let (mut out, mut none) = (vec![0.0; 16], 0);
+        for i in (0..4000).step_by(37) {
+            let at = points.xyz(i);
+            context.describe(at, rated.row(i), &mut out);
+            let near = |p: [f32; 3], a: usize| ((p[a] / 2.0).floor() - (at[a] / 2.0).floor()).abs() <= 1.0;
+            let around: Vec<usize> = (0..4000).filter(|&j| (0..3).all(|a| near(points.xyz(j), a))).collect();
+            let weight = |j: usize| f64::from(values[2 * j]);
+            let sum: f64 = around.iter().map(|&j| weight(j)).sum();
+            if sum == 0.0 {
+                assert!((1..8).all(|value| out[2 * value].is_nan()), "{i}");
+                none += 1;
+                continue;
+            }
+            let place = |j: usize| points.xyz(j).map(f64::from);
+            let mean: [f64; 3] =
+                std::array::from_fn(|a| around.iter().map(|&j| weight(j) * place(j)[a]).sum::<f64>() / sum);
+            let covariance = |a: usize, b: usize| {
+                around.iter().map(|&j| weight(j) * (place(j)[a] - mean[a]) * (place(j)[b] - mean[b])).sum::<f64>() / sum
+            };
+            let shape = Sym3 {
+                diagonal: std::array::from_fn(|a| covariance(a, a)),
+                off: [covariance(0, 1), covariance(0, 2), covariance(1, 2)],
+            };
+            let Eigen3 { values: squares, vectors } = shape.eigen();
+            let apart: [f64; 3] = std::array::from_fn(|a| f64::from(at[a]) - mean[a]);
+            // The length of the cross product with a unit vector is the distance from its line.
+            let cross = |a: usize, b: usize| apart[a] * vectors[0][b] - apart[b] * vectors[0][a];
+            let across = (cross(0, 1).powi(2) + cross(0, 2).powi(2) + cross(1, 2).powi(2)).sqrt();
+            let offset = apart.iter().map(|v| v * v).sum::<f64>().sqrt();
+            let most = around.iter().map(|&j| weight(j)).fold(0.0, f64::max);
+            let [length, width, thickness] = squares.map(|square| square.max(0.0).sqrt() / 2.0);
+            let wanted = [most, length, width, thickness, across / 2.0, offset / 2.0, weight(i) / most];
+            for (k, wanted) in wanted.into_iter().enumerate() {
+                let (name, found) = (&names[2 * (k + 1)], f64::from(out[2 * (k + 1)]));
+                assert!((found - wanted).abs() < 2e-4, "{i} {name} {found} {wanted}");
+            }
+        }
+        assert!(none > 3, "{none}");
     }
 
     #[test]

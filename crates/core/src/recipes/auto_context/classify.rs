@@ -69,7 +69,7 @@ pub(super) fn first_stage<'a>(
     scene: &MetricCloud<'a>,
     monitor: &Monitor,
 ) -> Result<(Rating, CloudPredictor<'a>)> {
-    let Some(first) = &model.first else {
+    let [first] = &model.earlier[..] else {
         return Err(Error::ModelMismatch(format!("a model of the recipe {} needs a first classifier", recipe.name())));
     };
     let rated = CloudPredictor::new(scene, &recipe.features, first.stage(), monitor)?.by_voxel(recipe.rated_voxel);

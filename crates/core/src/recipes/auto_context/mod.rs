@@ -164,6 +164,7 @@ impl AutoContextRecipe {
                 voxels: vec![0.25, 0.5, 1.0, 2.0],
                 cells: vec![0.5, 1.0, 2.0, 4.0],
                 stacks: vec![0.5, 1.0],
+                bands: Vec::new(),
             },
             classes: ClassRules::default(),
             ..Self::default()

@@ -15,7 +15,7 @@ use crate::features::{self, Context, Rated};
 use crate::parallel::Monitor;
 use crate::recipes::classify::predict::CloudPredictor;
 use crate::recipes::regularise::Regularise;
-use crate::recipes::trained::{FirstStage, Stage, Trained};
+use crate::recipes::trained::{EarlierStage, Stage, Trained};
 use crate::recipes::training::choice::{ChoiceReport, CrossTraining, Labelled, NeededPoints, Trial, choose};
 use crate::recipes::training::sources::{SampleSource, SampleSources};
 use crate::recipes::training::{TrainingData, density};
@@ -58,11 +58,11 @@ pub(super) fn train(
     let trained = Trained {
         network: None,
         cars: None,
-        first: Some(FirstStage {
+        earlier: vec![EarlierStage {
             fingerprint: Some(Fingerprint::of(&first.samples(&sources), density)),
             feature_names: first.names,
             classifier: Classifier::Forest(a.joined(&b)?),
-        }),
+        }],
         fingerprint: fingerprint.select(&used),
         feature_names: used.iter().map(|&f| second.names[f].clone()).collect(),
         classes: sources.classes.clone(),

@@ -11,6 +11,7 @@ use crate::parallel::{Monitor, map_ordered_with};
 use crate::recipes::classify::FeatureFit;
 use crate::recipes::classify::candidates::{Candidates, Found, Rows};
 use crate::recipes::trained::Stage;
+use std::borrow::Cow;
 
 /// Number of blocks that are classified together: the more rows share a path through a tree, the cheaper it is.
 const TOGETHER: usize = 8;
@@ -29,6 +30,8 @@ pub(in crate::recipes) struct CloudPredictor<'a> {
     beside: Beside<'a>,
     /// Of each voxel, the only point that is rated; empty if all points are.
     middles: Vec<Middle>,
+    /// Of each point of the cloud, whether it is rated; empty if all points are.
+    only: Vec<bool>,
     /// Points that may be cars, if cars are looked for.
     candidates: Option<Candidates<'a>>,
 }
@@ -225,6 +228,7 @@ impl<'a> CloudPredictor<'a> {
             training: stage.training,
             beside: Beside::Nothing,
             middles: Vec::new(),
+            only: Vec::new(),
             candidates: None,
         })
     }
@@ -247,6 +251,7 @@ impl<'a> CloudPredictor<'a> {
             training: None,
             beside: Beside::First(first),
             middles: Vec::new(),
+            only: Vec::new(),
             candidates: None,
         })
     }
@@ -273,6 +278,7 @@ impl<'a> CloudPredictor<'a> {
             training: stage.training,
             beside: Beside::Context(context),
             middles: Vec::new(),
+            only: Vec::new(),
             candidates: None,
         })
     }
@@ -282,6 +288,11 @@ impl<'a> CloudPredictor<'a> {
     pub(in crate::recipes) fn by_voxel(self, edge: f64) -> Self {
         let middles = if edge > 0.0 { self.tiles.middles(edge) } else { Vec::new() };
         Self { middles, ..self }
+    }
+
+    /// Rates only these points of the cloud; the others get zeros. Not together with [`CloudPredictor::by_voxel`].
+    pub(in crate::recipes) fn only(self, only: Vec<bool>) -> Self {
+        Self { only, ..self }
     }
 
     /// Looks for points that may be cars as well.
@@ -346,7 +357,8 @@ impl<'a> CloudPredictor<'a> {
     /// If the work was cancelled.
     pub(in crate::recipes) fn run(&self, mut sink: impl FnMut(&Group), monitor: &Monitor) -> Result<Fit> {
         let rated = self.rated();
-        monitor.stage("classify", if rated.is_empty() { self.tiles.len() } else { self.middles.len() } as u64);
+        let count = if rated.is_empty() { self.tiles.len() } else { rated.iter().filter(|&&rated| rated).count() };
+        monitor.stage("classify", count as u64);
         let (mut around, mut fit) = (None, Fit::default());
         self.tiles.each(
             |point| rated.is_empty() || rated[point as usize],
@@ -372,14 +384,14 @@ impl<'a> CloudPredictor<'a> {
     }
 
     /// For each point of the cloud, whether it is rated; empty if all are.
-    fn rated(&self) -> Vec<bool> {
+    fn rated(&self) -> Cow<'_, [bool]> {
         if self.middles.is_empty() {
-            return Vec::new();
+            return Cow::Borrowed(&self.only);
         }
         let index = self.tiles.indices();
         let mut rated = vec![false; index.iter().max().map_or(0, |&last| last as usize + 1)];
         self.middles.iter().for_each(|middle| rated[index[middle.place as usize] as usize] = true);
-        rated
+        Cow::Owned(rated)
     }
 
     /// Classifies the points of an extractor; returns the rows that need a wider margin.

@@ -12,6 +12,7 @@ mod classes;
 mod drawing;
 mod extract;
 mod likely;
+mod points;
 mod report;
 mod scaled;
 mod stages;
@@ -30,10 +31,10 @@ use super::labels::LabelledCloud;
 use super::regularise::{Regularise, RegulariseParams};
 use super::system::{Fitted, Nothing, SharedSettings, System, TrainOptions, TrainingResult};
 use super::training::samples::TrainingParams;
-use crate::classification::ForestParams;
+use crate::classification::{BoostingParams, ForestParams};
 use crate::contours::{CandidateParams, MatchParams, TangentParams, TraceParams};
 use crate::error::{Error, Result};
-use crate::features::{FeatureSet, PyramidParams};
+use crate::features::{ContextParams, FeatureSet, PyramidParams};
 use crate::parallel::Monitor;
 use serde::{Deserialize, Serialize};
 
@@ -108,8 +109,14 @@ pub struct ContoursRecipe {
     pub features: FeatureSet,
     /// Selection of the training points.
     pub training: TrainingParams,
-    /// The forest that rates points.
+    /// The forest that rates points first; each half of the clouds teaches half of its trees.
     pub forest: ForestParams,
+    /// The surroundings of which the second classifier of points sees how likely the forest finds them.
+    pub context: ContextParams,
+    /// Points that the forest finds less likely than this keep its likelihood, 0..1; the others are rated again.
+    pub least_rated: f64,
+    /// The boosted trees that rate points again, with the surroundings.
+    pub boosting: BoostingParams,
     /// Directions of contours at rated points, if these are not moved to the edge (`candidates.ridge.passes = 0`).
     pub tangents: TangentParams,
     /// From rated points to candidates.
@@ -137,6 +144,14 @@ impl Default for ContoursRecipe {
             features: FeatureSet { pyramid, ..FeatureSet::default() },
             training: TrainingParams { max_samples: 200_000, ..TrainingParams::default() },
             forest: ForestParams { trees: 50, ..ForestParams::default() },
+            context: ContextParams {
+                voxels: vec![0.04, 0.08, 0.16, 0.32],
+                cells: Vec::new(),
+                stacks: Vec::new(),
+                bands: vec![0.04, 0.08, 0.16, 0.32],
+            },
+            least_rated: 0.02,
+            boosting: BoostingParams::default(),
             tangents: TangentParams::default(),
             candidates: CandidateParams::default(),
             examples: CandidateTraining::default(),
@@ -166,7 +181,7 @@ impl ContoursRecipe {
 impl System for ContoursRecipe {
     const NAME: &'static str = "contours";
     const TRAINING_ONLY: &'static [&'static str] =
-        &["training", "forest", "examples", "candidate_forest", "features", "code"];
+        &["training", "forest", "context", "boosting", "examples", "candidate_forest", "features", "code"];
     type Learned = Nothing;
     type Report = ContoursReport;
 
@@ -176,6 +191,11 @@ impl System for ContoursRecipe {
         self.features.validate()?;
         self.training.validate()?;
         self.forest.validate()?;
+        self.context.validate()?;
+        if !(0.0..1.0).contains(&self.least_rated) {
+            return Err(Error::parameter("least_rated", self.least_rated, "0 to below 1"));
+        }
+        self.boosting.validate()?;
         self.tangents.validate()?;
         self.candidates.validate()?;
         self.candidate_forest.validate()?;

@@ -1,7 +1,6 @@
 //! Report of the training.
 
 use crate::error::Result;
-use crate::recipes::pyramid::PyramidReport;
 use crate::recipes::system::report::{ClassCount, Report, json_of};
 use serde::Serialize;
 use std::fmt::Write;
@@ -17,18 +16,10 @@ pub struct ContoursReport {
     pub candidates_on: usize,
     /// Candidates off contours that were learned from.
     pub candidates_off: usize,
-    /// Number of features that the forest of points uses.
-    pub used_features: usize,
+    /// Numbers of features that the classifiers of points use, in their order.
+    pub used_features: Vec<usize>,
     /// Warnings for the user.
     pub warnings: Vec<String>,
-}
-
-impl ContoursReport {
-    /// `examples`: numbers of candidates off and on contours.
-    pub(super) fn new(points: PyramidReport, [off, on]: [usize; 2], unlabelled: u64) -> Self {
-        let PyramidReport { classes, used_features, warnings, .. } = points;
-        Self { classes, unlabelled, candidates_on: on, candidates_off: off, used_features, warnings }
-    }
 }
 
 impl Report for ContoursReport {
@@ -42,7 +33,8 @@ impl Report for ContoursReport {
 
     fn text(&self) -> String {
         let mut text = format!("{:>5}  {:<20} {:>12}\n\n", "", "unlabelled, skipped", self.unlabelled);
-        let _ = writeln!(text, "{} features used", self.used_features);
+        let used: Vec<String> = self.used_features.iter().map(ToString::to_string).collect();
+        let _ = writeln!(text, "{} features used", used.join(" and "));
         let _ = writeln!(text, "candidates: {} on contours, {} off them", self.candidates_on, self.candidates_off);
         text
     }

@@ -2,7 +2,7 @@
 
 use super::ContoursRecipe;
 use super::classes::codes_of;
-use super::likely::{CONTOUR, rate, stage};
+use super::likely::{CONTOUR, rate, stages};
 use super::scaled::Scale;
 use crate::classification::{ClassifierScratch, Predictor};
 use crate::cloud::{Cloud, MetricCloud, Points};
@@ -71,7 +71,7 @@ pub(in crate::recipes) fn stages_of(
     let scale = Scale::of(recipe, &original, monitor)?;
     let scene = scale.scene(&original);
     let codes = codes_of(cloud, params.codes.as_deref())?;
-    let mut rated = rate(recipe, &scene, stage(trained)?, monitor)?;
+    let mut rated = rate(recipe, &scene, stages(trained)?, monitor)?;
     match &codes {
         Some(codes) => {
             for class in params.without.iter().filter(|&&class| !codes.contains(&Some(class))) {

@@ -1,6 +1,7 @@
-//! Training: the forest of points, then that of candidates, from lines that the other half of the clouds has not taught.
+//! Training: the classifiers of points, then that of candidates, from points that the other half of the clouds has rated.
 
-use super::likely::{RatedPoints, rate};
+use super::likely::{CODES, RatedPoints, rate};
+use super::points::{PointLessons, half_of};
 use super::scaled::{LocalLines, Scale};
 use super::{CandidateTraining, ContoursRecipe, ContoursReport};
 use crate::classification::{Classifier, Fingerprint, Learner, Samples};
@@ -10,21 +11,12 @@ use crate::contours::{
     match_candidates,
 };
 use crate::error::{Error, Result};
-use crate::features::FeatureSet;
 use crate::parallel::{Monitor, map_each};
 use crate::random::{Stream, stream};
-use crate::recipes::pyramid::PyramidRecipe;
-use crate::recipes::regularise::{Regularise, RegulariseParams};
+use crate::recipes::trained::EarlierStage;
+use crate::recipes::training::sources::SampleSources;
 use crate::recipes::training::{TrainingData, density};
-use crate::recipes::{
-    EdgeLines, FirstStage, Fitted, LabelledCloud, Labels, Nothing, System, TrainOptions, Trained, TrainingResult,
-};
-
-/// Codes of points off and on contours.
-const CODES: [u8; 2] = [0, 1];
-
-/// A half of the training clouds, scaled.
-type Half = Vec<LabelledCloud>;
+use crate::recipes::{EdgeLines, Fitted, LabelledCloud, Labels, Nothing, System, Trained, TrainingResult};
 
 pub(super) fn train(
     recipe: &ContoursRecipe,
@@ -33,15 +25,15 @@ pub(super) fn train(
 ) -> Result<TrainingResult<ContoursRecipe>> {
     recipe.validate()?;
     let scaled = clouds.iter().map(|cloud| scaled(recipe, cloud, monitor)).collect::<Result<Vec<_>>>()?;
-    let TrainingResult { trained: points, report, .. } = point_model(recipe, &scaled, monitor)?;
-    let halves = halves(scaled, monitor)?;
+    let parts = parts(scaled, monitor)?;
+    let data = TrainingData::new(&parts, None, monitor)?;
+    let sources = SampleSources::select(&data, &recipe.training, recipe.seed, monitor)?;
+    let points = PointLessons::new(recipe, &data, &sources, monitor)?.learn(monitor)?;
     let mut collected = CandidateExamples { params: &recipe.examples, rows: Default::default() };
-    for (taught, other) in [(0, 1), (1, 0)] {
-        let model = point_model(recipe, &halves[taught], monitor)?.trained;
-        for cloud in &halves[other] {
-            let found = found_candidates(recipe, cloud, &model, monitor)?;
-            collected.take(&found, &cloud.labels, monitor)?;
-        }
+    for (number, part) in parts.iter().enumerate() {
+        // By the classifiers that the other half has taught.
+        let found = found_candidates(recipe, part, &points.halves[1 - half_of(number)], monitor)?;
+        collected.take(&found, &part.labels, monitor)?;
     }
     let examples = collected.examples(stream(recipe.seed, 1))?;
     let labels: Vec<u16> = examples.labels();
@@ -49,19 +41,23 @@ pub(super) fn train(
     let mut forest = recipe.candidate_forest.clone();
     forest.seed = forest.seed.wrapping_add(recipe.seed);
     let classifier = Classifier::Forest(forest.train(&samples, monitor)?);
-    let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
-    let report = ContoursReport::new(report, examples.counts, data.unlabelled());
+    let given = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
+    let [off, on] = examples.counts;
+    let report = ContoursReport {
+        classes: sources.counts.clone(),
+        unlabelled: given.unlabelled(),
+        candidates_on: on,
+        candidates_off: off,
+        used_features: points.all.iter().map(|stage| stage.feature_names.len()).collect(),
+        warnings: sources.warnings.clone(),
+    };
     let trained = Trained {
-        classes: points.classes.clone(),
+        classes: sources.classes.clone(),
         feature_names: VALUE_NAMES.iter().map(|&name| name.to_string()).collect(),
-        fingerprint: Fingerprint::of(&samples, density(&data, monitor)?),
+        fingerprint: Fingerprint::of(&samples, density(&given, monitor)?),
         classifier,
         cars: None,
-        first: Some(FirstStage {
-            feature_names: points.feature_names,
-            classifier: points.classifier,
-            fingerprint: Some(points.fingerprint),
-        }),
+        earlier: points.all,
         network: None,
     };
     Ok(TrainingResult { fitted: Fitted { recipe: recipe.clone(), learned: Nothing {} }, trained, report })
@@ -79,56 +75,33 @@ fn scaled(recipe: &ContoursRecipe, given: &LabelledCloud, monitor: &Monitor) -> 
     Ok(LabelledCloud { cloud, labels })
 }
 
-/// Clouds in turn; a single one is divided across its longer side.
-fn halves(clouds: Vec<LabelledCloud>, monitor: &Monitor) -> Result<[Half; 2]> {
-    let mut halves: [Half; 2] = Default::default();
-    if let [only] = &clouds[..] {
-        let points = MetricCloud::new(&only.cloud, None, monitor)?.some_points(monitor)?;
-        let extent = |axis: &[f32]| axis.iter().copied().fold(0.0, f32::max);
-        let positions = &points.positions;
-        let axis = if extent(&positions.x) >= extent(&positions.y) { &positions.x } else { &positions.y };
-        let mut order: Vec<u32> = (0..points.len() as u32).collect();
-        order.sort_by(|&a, &b| axis[a as usize].total_cmp(&axis[b as usize]).then(a.cmp(&b)));
-        let cut = order.len() / 2;
-        for (half, rows) in halves.iter_mut().zip([&order[..cut], &order[cut..]]) {
-            let mut index: Vec<u32> = rows.iter().map(|&row| points.frame.index[row as usize]).collect();
-            index.sort_unstable();
-            half.push(LabelledCloud { cloud: only.cloud.select(&index), labels: only.labels.select(&index) });
-        }
-        return Ok(halves);
-    }
-    clouds.into_iter().enumerate().for_each(|(number, cloud)| halves[number % 2].push(cloud));
-    Ok(halves)
-}
-
-/// The forest that rates points.
-fn point_model(
-    recipe: &ContoursRecipe,
-    clouds: &[LabelledCloud],
-    monitor: &Monitor,
-) -> Result<TrainingResult<PyramidRecipe>> {
-    let regularise = RegulariseParams { method: Regularise::None, ..RegulariseParams::default() };
-    let points = PyramidRecipe {
-        seed: recipe.seed,
-        // The scaled copies have a unit of their own.
-        features: FeatureSet { metres_per_unit: None, ..recipe.features.clone() },
-        training: recipe.training.clone(),
-        forest: recipe.forest.clone(),
-        regularise,
-        ..PyramidRecipe::default()
+/// The clouds, which are of the one and the other half in turn; a single one is divided across its longer side.
+fn parts(clouds: Vec<LabelledCloud>, monitor: &Monitor) -> Result<Vec<LabelledCloud>> {
+    let [only] = &clouds[..] else { return Ok(clouds) };
+    let points = MetricCloud::new(&only.cloud, None, monitor)?.some_points(monitor)?;
+    let extent = |axis: &[f32]| axis.iter().copied().fold(0.0, f32::max);
+    let positions = &points.positions;
+    let axis = if extent(&positions.x) >= extent(&positions.y) { &positions.x } else { &positions.y };
+    let mut order: Vec<u32> = (0..points.len() as u32).collect();
+    order.sort_by(|&a, &b| axis[a as usize].total_cmp(&axis[b as usize]).then(a.cmp(&b)));
+    let (one, other) = order.split_at(order.len() / 2);
+    let part = |rows: &[u32]| {
+        let mut index: Vec<u32> = rows.iter().map(|&row| points.frame.index[row as usize]).collect();
+        index.sort_unstable();
+        LabelledCloud { cloud: only.cloud.select(&index), labels: only.labels.select(&index) }
     };
-    points.train(clouds, &TrainOptions::default(), monitor)
+    Ok(vec![part(one), part(other)])
 }
 
 /// The candidates of a scaled cloud; their nodes are points of the cloud.
 fn found_candidates(
     recipe: &ContoursRecipe,
     cloud: &LabelledCloud,
-    model: &Trained,
+    stages: &[EarlierStage],
     monitor: &Monitor,
 ) -> Result<Found> {
     let scene = MetricCloud::new(&cloud.cloud, None, monitor)?;
-    let rated: RatedPoints = rate(recipe, &scene, model.stage(), monitor)?;
+    let rated: RatedPoints = rate(recipe, &scene, stages, monitor)?;
     let likely = rated.likely(recipe, monitor)?;
     let found = candidates(&likely, &recipe.candidates, monitor)?;
     let EdgeLines { lines, unsure } = &cloud.labels.edges;

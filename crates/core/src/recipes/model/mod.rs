@@ -15,9 +15,9 @@ pub use self::contours::{contour_stages, contours};
 use self::any::AnyFitted;
 use self::cars::knows_cars;
 use super::system::{Fitted, System, TrainingResult};
-use super::trained::{FirstStage, Trained};
+use super::trained::{EarlierStage, Trained};
 use crate::classes::ClassTable;
-use crate::classification::arrays::{Reader, malformed, print_arrays};
+use crate::classification::arrays::{Array, Reader, malformed, print_arrays};
 use crate::classification::{Classifier, ClassifierKind};
 use crate::error::{Error, Result};
 use crate::io::{atomic, is_cloud_name, open};
@@ -30,10 +30,10 @@ use std::path::Path;
 
 /// Newest version of the file format that can be read. Version 1 has only forests, version 2 other classifiers too;
 /// version 3 has what was learned besides the classifier, version 4 a first classifier, version 5 a network or a linear
-/// classifier, version 6 a classifier of cars. The lowest possible one is written.
-const VERSION: u64 = 6;
-/// What the names of the arrays of the first classifier begin with.
-const FIRST: &str = "first_";
+/// classifier, version 6 a classifier of cars, version 7 a second classifier before the last. The lowest possible one is written.
+const VERSION: u64 = 7;
+/// What the names of the arrays of the earlier classifiers begin with, in their order.
+const EARLIER: [&str; 2] = ["first_", "second_"];
 /// What the names of the arrays of the classifier of cars begin with.
 const CARS: &str = "cars_";
 /// What the names of the arrays of the network begin with.
@@ -52,9 +52,10 @@ pub struct Model {
     pub trained: Trained,
 }
 
+/// An earlier classifier.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct FirstHeader {
+struct EarlierHeader {
     classifier: ClassifierKind,
     features: Vec<String>,
 }
@@ -74,7 +75,9 @@ struct Header {
     classes: ClassTable,
     features: Vec<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    first: Option<FirstHeader>,
+    first: Option<EarlierHeader>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    second: Option<EarlierHeader>,
     /// The kind of the classifier of cars, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     cars: Option<ClassifierKind>,
@@ -120,8 +123,9 @@ impl Model {
         let learned = self.fitted.learned_toml()?;
         let header = Header {
             format: FORMAT.into(),
-            version: match (&self.trained.first, learned.is_empty(), self.trained.classifier.kind()) {
-                _ if self.trained.cars.is_some() => VERSION,
+            version: match (self.trained.earlier.first(), learned.is_empty(), self.trained.classifier.kind()) {
+                _ if self.trained.earlier.len() > 1 => VERSION,
+                _ if self.trained.cars.is_some() => 6,
                 _ if self.trained.network.is_some() => 5,
                 (.., ClassifierKind::Linear) => 5,
                 (Some(_), ..) => 4,
@@ -136,10 +140,8 @@ impl Model {
             learned,
             classes: self.trained.classes.clone(),
             features: self.trained.feature_names.clone(),
-            first: self.trained.first.as_ref().map(|first| FirstHeader {
-                classifier: first.classifier.kind(),
-                features: first.feature_names.clone(),
-            }),
+            first: self.trained.earlier.first().map(EarlierHeader::of),
+            second: self.trained.earlier.get(1).map(EarlierHeader::of),
             cars: self.trained.cars.as_ref().map(Classifier::kind),
             network: self.trained.network.is_some(),
         };
@@ -147,9 +149,10 @@ impl Model {
         let header = serde_json::to_string(&header).map_err(|e| refused(&e))?;
         let mut arrays = self.trained.classifier.arrays();
         arrays.extend(print_arrays(&self.trained.fingerprint));
-        let first = self.trained.first.as_ref().map(FirstStage::arrays).unwrap_or_default();
+        let earlier: Vec<Vec<Array>> = self.trained.earlier.iter().map(EarlierStage::arrays).collect();
         let cars = self.trained.cars.as_ref().map(Classifier::arrays).unwrap_or_default();
-        let named = arrays.iter().map(|array| ("", array)).chain(first.iter().map(|array| (FIRST, array)));
+        let prefixed = EARLIER.iter().zip(&earlier).flat_map(|(prefix, own)| own.iter().map(|array| (*prefix, array)));
+        let named = arrays.iter().map(|array| ("", array)).chain(prefixed);
         let named = named.chain(cars.iter().map(|array| (CARS, array)));
         let views = named.map(|(prefix, (name, dtype, len, bytes))| {
             let view = TensorView::new(*dtype, vec![*len], bytes).map_err(|e| refused(&e))?;
@@ -202,10 +205,10 @@ impl Model {
         let network = if header.network { Some(network_of(&reader)?) } else { None };
         reader.prefix = CARS;
         let cars = header.cars.map(|kind| reader.classifier(kind, width, 2)).transpose()?;
-        let first = header.first.as_ref().map(|first| first_of(first, reader, classes)).transpose()?;
+        let earlier = earlier_of(&header, &mut reader)?;
         let fitted = fitted_of(&header, path)?;
         let (classes, feature_names) = (header.classes, header.features);
-        let trained = Trained { classes, feature_names, fingerprint, classifier, cars, first, network };
+        let trained = Trained { classes, feature_names, fingerprint, classifier, cars, earlier, network };
         trained.check_shape().map_err(|e| malformed(path, "features", e, "names that differ"))?;
         if trained.cars.is_some() {
             knows_cars(&fitted, &trained).map_err(|e| malformed(path, "cars", e, "none"))?;
@@ -250,16 +253,37 @@ impl Model {
     }
 }
 
-/// The first classifier, from its arrays.
-fn first_of(header: &FirstHeader, reader: Reader<'_>, classes: usize) -> Result<FirstStage> {
-    let reader = Reader { prefix: FIRST, ..reader };
-    let width = header.features.len();
-    if !(1..=65_534).contains(&width) {
-        return Err(malformed(reader.path, "first", format!("{width} features"), "1 or more"));
+impl EarlierHeader {
+    fn of(stage: &EarlierStage) -> Self {
+        Self { classifier: stage.classifier.kind(), features: stage.feature_names.clone() }
     }
-    let classifier = reader.classifier(header.classifier, width, classes)?;
-    let fingerprint = reader.has_fingerprint().then(|| reader.fingerprint(width, classes)).transpose()?;
-    Ok(FirstStage { feature_names: header.features.clone(), classifier, fingerprint })
+
+    /// The classifier, from its arrays.
+    fn read(&self, reader: &Reader<'_>, classes: usize) -> Result<EarlierStage> {
+        let width = self.features.len();
+        if !(1..=65_534).contains(&width) {
+            let field = reader.prefix.trim_end_matches('_');
+            return Err(malformed(reader.path, field, format!("{width} features"), "1 or more"));
+        }
+        let classifier = reader.classifier(self.classifier, width, classes)?;
+        let fingerprint = reader.has_fingerprint().then(|| reader.fingerprint(width, classes)).transpose()?;
+        Ok(EarlierStage { feature_names: self.features.clone(), classifier, fingerprint })
+    }
+}
+
+/// The classifiers before the last.
+fn earlier_of(header: &Header, reader: &mut Reader<'_>) -> Result<Vec<EarlierStage>> {
+    if header.first.is_none() && header.second.is_some() {
+        return Err(malformed(reader.path, "second", "a second classifier", "one only after a first"));
+    }
+    let mut stages = Vec::new();
+    for (prefix, own) in EARLIER.iter().zip([&header.first, &header.second]) {
+        if let Some(own) = own {
+            reader.prefix = prefix;
+            stages.push(own.read(reader, header.classes.len())?);
+        }
+    }
+    Ok(stages)
 }
 
 /// The network, from its arrays.
@@ -352,10 +376,39 @@ mod tests {
             fingerprint: Fingerprint::of(samples, 7.5),
             classifier: Classifier::Forest(Forest::fit(samples, &params, &Monitor::default()).unwrap()),
             cars: None,
-            first: None,
+            earlier: Vec::new(),
             network: None,
         };
         Model { fitted: AnyFitted::from_toml("seed = 1\n", "").unwrap(), trained }
+    }
+
+    #[test]
+    fn classifiers_before_the_last_are_read_back_in_their_order() {
+        let data = blobs(60, 2, 3, 0.0);
+        let mut model = model(&data.samples());
+        let stage = |name: &str, trees: usize| {
+            let params = ForestParams { trees, max_depth: Some(2), ..ForestParams::default() };
+            EarlierStage {
+                feature_names: vec![name.into(), "other".into()],
+                classifier: Classifier::Forest(Forest::fit(&data.samples(), &params, &Monitor::default()).unwrap()),
+                fingerprint: Some(Fingerprint::of(&data.samples(), 1.0)),
+            }
+        };
+        let header = |model: &Model| read_header(&model.to_bytes().unwrap(), Path::new("test.model")).unwrap();
+        for (count, version) in [(1, 4), (2, 7)] {
+            model.trained.earlier = (0..count).map(|i| stage(&format!("f{i}"), i + 1)).collect();
+            assert_eq!(header(&model).version, version);
+            assert_eq!(read(&model.to_bytes().unwrap()).unwrap(), model);
+        }
+        model.trained.earlier.push(stage("f2", 3));
+        assert!(model.to_bytes().unwrap_err().to_string().contains("up to 2"));
+        // A second one without a first.
+        model.trained.earlier.truncate(2);
+        let bytes = model.to_bytes().unwrap();
+        let tensors = SafeTensors::deserialize(&bytes).unwrap();
+        let mut reader = Reader { path: Path::new("test.model"), tensors, prefix: "" };
+        let error = earlier_of(&Header { first: None, ..header(&model) }, &mut reader).unwrap_err().to_string();
+        assert!(error.contains("only after a first"), "{error}");
     }
 
     fn small() -> Model {

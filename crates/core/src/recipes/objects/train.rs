@@ -61,7 +61,7 @@ pub(super) fn train(
     let density = mean_density(studied.iter().map(|l| l.density));
     let trained = Trained {
         cars: None,
-        first: None,
+        earlier: Vec::new(),
         network: None,
         fingerprint: Fingerprint::of(&samples, density),
         feature_names: names,

@@ -51,7 +51,7 @@ where
     };
     let trained = Trained {
         cars: None,
-        first: None,
+        earlier: Vec::new(),
         network: None,
         fingerprint: Fingerprint::of(&samples, density(&data, monitor)?).select(&used),
         feature_names: used.iter().map(|&f| described.names[f].clone()).collect(),

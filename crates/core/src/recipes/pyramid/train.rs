@@ -46,7 +46,7 @@ pub(super) fn train(
     };
     let trained = Trained {
         cars: None,
-        first: None,
+        earlier: Vec::new(),
         network: None,
         fingerprint: Fingerprint::of(&described.samples(), density(&data, monitor)?).select(&used),
         feature_names: used.iter().map(|&f| described.names[f].clone()).collect(),

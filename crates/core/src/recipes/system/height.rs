@@ -92,7 +92,7 @@ impl System for HeightRecipe {
         let forest = ForestParams { seed: self.seed, ..self.forest.clone() };
         let trained = Trained {
             cars: None,
-            first: None,
+            earlier: Vec::new(),
             network: None,
             fingerprint: Fingerprint::of(&samples, mean_density(densities.into_iter())),
             feature_names: NAMES.map(String::from).to_vec(),

@@ -96,7 +96,7 @@ pub(super) fn train(
         fingerprint: summary,
         classifier: Classifier::Linear(head),
         cars: None,
-        first: None,
+        earlier: Vec::new(),
         network: Some(parameters.sorted()),
     };
     Ok(TrainingResult { fitted: Fitted { recipe, learned: Nothing {} }, trained, report })

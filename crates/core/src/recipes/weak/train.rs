@@ -84,7 +84,7 @@ pub(super) fn train(
     };
     let trained = Trained {
         cars: None,
-        first: None,
+        earlier: Vec::new(),
         network: None,
         fingerprint: Fingerprint::of(&samples, density),
         feature_names,
