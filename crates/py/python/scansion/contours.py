@@ -515,13 +515,13 @@ def labels(cloud: Any, lines: Lines, *, voxel: float | None = None) -> NDArray[n
     Returns
     -------
     array of shape (n,)
-        1 near a line, 0 farther than a voxel from all, -1 (unlabelled) between.
+        1 up to half a voxel from a line, 0 farther than 0.6 voxels from all, -1 (unlabelled) between.
 
     Examples
     --------
     >>> import numpy as np
     >>> import scansion
-    >>> scansion.contours.labels(np.array([[0.0, 0, 0], [0.7, 0, 0], [5, 0, 0]]), [[[0, -1, 0], [0, 1, 0]]], voxel=1)
+    >>> scansion.contours.labels(np.array([[0.0, 0, 0], [0.55, 0, 0], [5, 0, 0]]), [[[0, -1, 0], [0, 1, 0]]], voxel=1)
     array([ 1, -1,  0], dtype=int16)
     """
     return _core.edge_labels(as_cloud(cloud)._core, _lines(lines), None if voxel is None else float(voxel))

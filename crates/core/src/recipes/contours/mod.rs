@@ -32,7 +32,9 @@ use super::regularise::{Regularise, RegulariseParams};
 use super::system::{Fitted, Nothing, SharedSettings, System, TrainOptions, TrainingResult};
 use super::training::samples::TrainingParams;
 use crate::classification::{BoostingParams, ForestParams};
-use crate::contours::{CandidateParams, MatchParams, TangentParams, TraceParams};
+use crate::contours::{
+    CandidateParams, MatchParams, NeighbourhoodParams, RidgeParams, SeedParams, TangentParams, TraceParams,
+};
 use crate::error::{Error, Result};
 use crate::features::{ContextParams, FeatureSet, PyramidParams};
 use crate::parallel::Monitor;
@@ -103,6 +105,10 @@ pub struct ContoursRecipe {
     /// The spacing is that which the points do not exceed on this share of the scanned area, 0 to 1. Higher: voxels that
     /// suit the sparser parts of a cloud.
     pub area: f64,
+    /// Distance from a line that is learned from up to which a point lies on it, in voxels, above 0.
+    pub near: f64,
+    /// Distance beyond which a point lies on none, in voxels, `near` or more; points between are not learned from.
+    pub far: f64,
     /// Code of points on contours in labels to learn from; all other labelled points lie on none.
     pub code: u8,
     /// Features and their scales.
@@ -140,6 +146,8 @@ impl Default for ContoursRecipe {
             voxel: None,
             spacings: 2.0,
             area: 0.4,
+            near: 0.5,
+            far: 0.6,
             code: 1,
             features: FeatureSet { pyramid, ..FeatureSet::default() },
             training: TrainingParams { max_samples: 200_000, ..TrainingParams::default() },
@@ -153,12 +161,24 @@ impl Default for ContoursRecipe {
             least_rated: 0.02,
             boosting: BoostingParams::default(),
             tangents: TangentParams::default(),
-            candidates: CandidateParams::default(),
+            candidates: likely_candidates(),
             examples: CandidateTraining::default(),
             candidate_forest: ForestParams { trees: 50, max_depth: Some(12), ..ForestParams::default() },
             trace: TraceParams::default(),
             regularise: RegulariseParams::default(),
         }
+    }
+}
+
+/// Candidates along points that two classifiers find likely: the second rates points more sharply than the thesis's forest
+/// alone, so that less likely ones lie beside the edge.
+fn likely_candidates() -> CandidateParams {
+    let given = CandidateParams::default();
+    CandidateParams {
+        ridge: RidgeParams { least: 0.6, ..given.ridge },
+        neighbourhood: NeighbourhoodParams { keep: 0.6, ..given.neighbourhood },
+        seeds: SeedParams { threshold: 0.7, ..given.seeds },
+        ..given
     }
 }
 
@@ -171,17 +191,33 @@ impl ContoursRecipe {
         if !(self.spacings.is_finite() && self.spacings > 0.0) {
             return Err(Error::parameter("spacings", self.spacings, "a finite number above 0"));
         }
-        match (0.0..=1.0).contains(&self.area) {
+        if !(0.0..=1.0).contains(&self.area) {
+            return Err(Error::parameter("area", self.area, "0 to 1"));
+        }
+        if !(self.near.is_finite() && self.near > 0.0) {
+            return Err(Error::parameter("near", self.near, "a finite number of voxels above 0"));
+        }
+        match self.far.is_finite() && self.far >= self.near {
             true => Ok(()),
-            false => Err(Error::parameter("area", self.area, "0 to 1")),
+            false => Err(Error::parameter("far", self.far, "a finite number of voxels, near or more")),
         }
     }
 }
 
 impl System for ContoursRecipe {
     const NAME: &'static str = "contours";
-    const TRAINING_ONLY: &'static [&'static str] =
-        &["training", "forest", "context", "boosting", "examples", "candidate_forest", "features", "code"];
+    const TRAINING_ONLY: &'static [&'static str] = &[
+        "training",
+        "forest",
+        "context",
+        "boosting",
+        "examples",
+        "candidate_forest",
+        "features",
+        "code",
+        "near",
+        "far",
+    ];
     type Learned = Nothing;
     type Report = ContoursReport;
 

@@ -11,10 +11,8 @@ use crate::recipes::{EdgeLines, LabelledCloud, Labels};
 use crate::synthetic::{Scene, SceneKind, SceneParams, scene};
 use serde::Serialize;
 
-/// Distance from an edge up to which a point lies on it, in voxels.
-const NEAR: f64 = 0.5;
-/// Distance from which it lies on none, in voxels; points between are not labelled.
-const FAR: f64 = 1.0;
+/// Distance from unsure edges up to which points are not labelled, in voxels.
+const UNSURE: f64 = 1.0;
 
 /// Rays of a synthetic scene that is learned from, but from an aircraft.
 const RAYS: usize = 500_000;
@@ -31,20 +29,20 @@ pub fn edge_labels(recipe: &ContoursRecipe, cloud: &Cloud, edges: EdgeLines, mon
     let voxel = Scale::of(recipe, &scene, monitor)?.voxel;
     let distances = |edges: &[Vec<[f64; 3]>]| {
         let lines = LocalLines { metres: scene.metres, origin: points.frame.origin }.of(edges);
-        distances(&points.positions, &sampled(&lines, NEAR * voxel / 4.0)?, monitor)
+        distances(&points.positions, &sampled(&lines, recipe.near * voxel / 4.0)?, monitor)
     };
     let (near, unsure) = (distances(&edges.lines)?, distances(&edges.unsure)?);
     let [on, off] = [recipe.code, other(recipe.code)];
     let mut codes = vec![None; cloud.len()];
     for (row, &index) in points.frame.index.iter().enumerate() {
         codes[index as usize] = match near[row] {
-            distance if distance <= NEAR * voxel => Some(on),
-            distance if distance > FAR * voxel && unsure[row] > FAR * voxel => Some(off),
+            distance if distance <= recipe.near * voxel => Some(on),
+            distance if distance > recipe.far * voxel && unsure[row] > UNSURE * voxel => Some(off),
             _ => None,
         };
     }
     if !edges.lines.is_empty() && !codes.contains(&Some(on)) {
-        let near = NEAR * voxel;
+        let near = recipe.near * voxel;
         return Err(Error::input(format!(
             "no point lies within {near:.3} m of a line (allowed: lines in the reference system and the unit of the cloud)"
         )));
