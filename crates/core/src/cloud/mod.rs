@@ -30,6 +30,12 @@ pub(crate) const MOST_COLUMNS: usize = 65_536;
 /// Smallest and largest coordinate of each axis, both included.
 pub type Bounds = [[f64; 3]; 2];
 
+/// Largest rounding error between two computations of a coordinate from whole numbers, with coordinates and offsets up
+/// to `most`.
+pub(crate) fn rounding(most: f64) -> f64 {
+    4.0 * f64::EPSILON * most
+}
+
 /// The bounds around two boxes.
 pub(crate) fn around([a, b]: Bounds, [c, d]: Bounds) -> Bounds {
     [[0, 1, 2].map(|i| a[i].min(c[i])), [0, 1, 2].map(|i| b[i].max(d[i]))]

@@ -1,6 +1,6 @@
 //! Choice of the LAS scale (step of the stored integers) for clouds with floating-point coordinates.
 
-use crate::cloud::{Cloud, Coordinates, StrayParams, Strays};
+use crate::cloud::{Cloud, Coordinates, StrayParams, Strays, rounding};
 use crate::error::{Error, Result};
 use crate::io::WriteOptions;
 use crate::parallel::{Monitor, map_ordered, sort_watched, watched};
@@ -25,11 +25,10 @@ const DEGREE: f64 = 1e-7;
 /// Largest displacement of a point by rounding, as a share of the point spacing.
 const ALLOWED: f64 = 1e-3;
 
-/// Coordinates within this share of a step from a multiple of it count as exactly on it.
-const EXACT: f64 = 1e-3;
+/// The finest power of ten tried, about that of the smallest numbers; the offset ends the search long before.
+const FINEST: i32 = -300;
 
-/// Number of powers of ten tried below the usual step, and above it if the extent needs it.
-const FINER: i32 = 12;
+/// Number of powers of ten tried above the usual step if the extent needs it.
 const COARSER: i32 = 6;
 
 /// The cloud's own integers if it has them, or the requested scale. Otherwise millimetres (1e-7 degrees) times a power
@@ -62,7 +61,7 @@ pub(super) fn frame(cloud: &Cloud, options: &WriteOptions) -> Result<LasFrame> {
         let spacing = || -> Result<f64> {
             match (height && degrees, usize::from(plan && !height)) {
                 // With degrees and metres there is no common distance; millimetres of height are kept.
-                (true, _) => Ok(f64::INFINITY),
+                (true, _) => Ok(LENGTH / ALLOWED),
                 (false, of) => match spacings[of] {
                     Some(known) => Ok(known),
                     None => Ok(*spacings[of].insert(spacing(cloud, of == 1, monitor)?)),
@@ -100,7 +99,7 @@ impl Axis {
         let mut finest = None;
         // Powers of ten are parsed from text: 1e-4 is the nearest number, 1e-3 / 10 may not be.
         let exponent = usual.log10().round() as i32;
-        let steps = (exponent - FINER..=exponent).rev().chain(exponent + 1..=exponent + COARSER);
+        let steps = (FINEST..=exponent).rev().chain(exponent + 1..=exponent + COARSER);
         let fitting = steps.filter_map(|e| format!("1e{e}").parse::<f64>().ok()).filter_map(|scale| {
             // Larger steps are only for extents that the usual one cannot represent.
             let wanted = scale <= usual || self.offset(usual).is_none();
@@ -111,7 +110,7 @@ impl Axis {
             if finest.is_none_or(|(least, _)| loss < least) {
                 finest = Some((loss, scale));
             }
-            if loss <= EXACT * scale || loss <= ALLOWED * spacing()? {
+            if loss <= 0.0 || loss <= ALLOWED * spacing()? {
                 return Ok((scale, offset));
             }
         }
@@ -133,7 +132,7 @@ impl Axis {
     fn loss(&self, cloud: &Cloud, scale: f64, offset: f64, monitor: &Monitor) -> Result<f64> {
         let moved = |v: f64| (((v - offset) / scale).round().mul_add(scale, offset) - v).abs();
         // Displacements below the precision of the number itself do not count.
-        let noise = 2.0 * f64::EPSILON * self.low.abs().max(self.high.abs());
+        let noise = rounding(self.low.abs().max(self.high.abs()));
         let finite = |v: f64| if v.is_finite() { moved(v) } else { 0.0 };
         let most = map_ordered(cloud.len().div_ceil(PIECE), monitor, |piece| {
             let points = piece * PIECE..((piece + 1) * PIECE).min(cloud.len());
@@ -174,7 +173,8 @@ impl Axis {
 /// `plan`, in x and y only.
 ///
 /// It is the edge of the largest cubes, by repeated halving, of which at least half as many are occupied as there are
-/// distinct positions. Needs one sort of the points' Morton codes.
+/// distinct positions. Needs one sort of the points' Morton codes. If most of the smallest cubes hold several points, as
+/// where two sites lie far apart, these are divided down to the precision of the numbers, which needs another sort.
 fn spacing(cloud: &Cloud, plan: bool, monitor: &Monitor) -> Result<f64> {
     let strays = Strays::find(cloud, &StrayParams::default(), monitor)?;
     let Some([low, high]) = strays.bounds else { return Ok(f64::INFINITY) };
@@ -183,26 +183,10 @@ fn spacing(cloud: &Cloud, plan: bool, monitor: &Monitor) -> Result<f64> {
     if !(side > 0.0 && side.is_finite()) {
         return Ok(f64::INFINITY);
     }
-    let cells = f64::from(morton::LIMIT);
-    let cell = |at: [f64; 3]| {
-        [0, 1, 2].map(|a| {
-            let v = if a < axes { (at[a] - low[a]) / side * cells } else { 0.0 };
-            (v.max(0.0) as u32).min(morton::LIMIT - 1)
-        })
-    };
-    let mut codes: Vec<u64> = Vec::with_capacity(cloud.len());
-    for piece in watched(cloud.len(), monitor) {
-        codes.extend(piece?.map(|i| morton::encode(cell(cloud.xyz(i)))));
-    }
-    sort_watched(&mut codes, monitor)?;
-    // Positions that differ from the previous one at this level or a finer one.
-    let levels = morton::LIMIT.trailing_zeros() as usize;
-    let mut parting = vec![0usize; levels + 1];
-    for piece in watched(codes.len().saturating_sub(1), monitor) {
-        for i in piece?.filter(|&i| codes[i] != codes[i + 1]) {
-            let bit = 63 - (codes[i] ^ codes[i + 1]).leading_zeros() as usize;
-            parting[levels - bit / 3] += 1;
-        }
+    let cube = Cube { low, side, axes };
+    let mut parting = cube.parting::<1>(cloud, monitor)?;
+    if 2 * (1 + parting.iter().sum::<usize>()) < cloud.len() {
+        parting = cube.parting::<3>(cloud, monitor)?;
     }
     let places = 1 + parting.iter().sum::<usize>();
     if places < 2 {
@@ -213,7 +197,51 @@ fn spacing(cloud: &Cloud, plan: bool, monitor: &Monitor) -> Result<f64> {
         cubes += more;
         2 * cubes >= places
     });
-    Ok(side / (level.unwrap_or(levels) as f64).exp2())
+    Ok(side / (level.unwrap_or(parting.len()) as f64).exp2())
+}
+
+/// The cube that is halved, in two or three axes.
+struct Cube {
+    low: [f64; 3],
+    side: f64,
+    axes: usize,
+}
+
+/// Number of times that one Morton code halves.
+const HALVINGS: usize = morton::LIMIT.trailing_zeros() as usize;
+
+impl Cube {
+    /// For each number of halvings, of `N` codes together, how many more cubes are occupied than before.
+    fn parting<const N: usize>(&self, cloud: &Cloud, monitor: &Monitor) -> Result<Vec<usize>> {
+        let mut codes: Vec<[u64; N]> = Vec::with_capacity(cloud.len());
+        for piece in watched(cloud.len(), monitor) {
+            codes.extend(piece?.map(|i| self.codes::<N>(cloud.xyz(i))));
+        }
+        sort_watched(&mut codes, monitor)?;
+        let mut parting = vec![0; N * HALVINGS + 1];
+        for piece in watched(codes.len().saturating_sub(1), monitor) {
+            for i in piece? {
+                if let Some(n) = (0..N).find(|&n| codes[i][n] != codes[i + 1][n]) {
+                    let bit = 63 - (codes[i][n] ^ codes[i + 1][n]).leading_zeros() as usize;
+                    parting[(n + 1) * HALVINGS - bit / 3] += 1;
+                }
+            }
+        }
+        Ok(parting)
+    }
+
+    /// The cell of a position, the cell within that cell, and so on.
+    fn codes<const N: usize>(&self, at: [f64; 3]) -> [u64; N] {
+        let share = |a: usize| if a < self.axes { (at[a] - self.low[a]) / self.side } else { 0.0 };
+        let mut rest = [0, 1, 2].map(share);
+        [(); N].map(|()| {
+            let scaled = rest.map(|v| v * f64::from(morton::LIMIT));
+            let cell = scaled.map(|v| (v.max(0.0) as u32).min(morton::LIMIT - 1));
+            // Positions outside, which are stray, lie in the last cell.
+            rest = [0, 1, 2].map(|a| (scaled[a] - f64::from(cell[a])).clamp(0.0, 1.0));
+            morton::encode(cell)
+        })
+    }
 }
 
 #[cfg(test)]
@@ -248,6 +276,46 @@ mod tests {
         }
         let one_place = Cloud::from_rows(&[[1.0; 3]; 50]).unwrap();
         assert!(spacing(&one_place, false, &Monitor::default()).unwrap().is_infinite());
+    }
+
+    #[test]
+    fn the_spacing_within_two_sites_far_apart_is_found() {
+        let mut rows = lattice(0.25);
+        rows.extend(lattice(0.25).iter().map(|p| p.map(|v| v + 1e8)));
+        let found = spacing(&Cloud::from_rows(&rows).unwrap(), false, &Monitor::default()).unwrap();
+        assert!((0.12..=0.25).contains(&found), "{found}");
+    }
+
+    #[test]
+    fn a_far_point_does_not_cost_the_others_their_places() {
+        let mut s = stream(6, 1);
+        let near: Vec<[f64; 3]> = (0..1000).map(|_| [s.uniform(), s.uniform(), s.uniform()]).collect();
+        for far in [1e7, 1e8, 1e12] {
+            let rows = [&near[..], &[[far; 3]]].concat();
+            let message = written(&rows, &WriteOptions::default()).unwrap_err().to_string();
+            assert!(message.contains("--scale"), "{far}: {message}");
+            let site: Vec<[f64; 3]> = near.iter().map(|p| p.map(|v| v + far)).collect();
+            assert!(written(&[&near[..], &site].concat(), &WriteOptions::default()).is_err(), "{far}");
+        }
+        // Heights beside degrees have no spacing of their own.
+        let mut rows: Vec<[f64; 3]> = near.iter().map(|p| [2.0 + p[0], 48.0 + p[1], p[2]]).collect();
+        rows.push([2.5, 48.5, 1e8]);
+        let mut cloud = Cloud::from_rows(&rows).unwrap();
+        cloud.crs = Some("EPSG:4326".into());
+        assert!(frame(&cloud, &WriteOptions::default()).is_err());
+    }
+
+    #[test]
+    fn points_of_tiny_clouds_stay_apart() {
+        let mut s = stream(7, 1);
+        for (count, size) in [(3, 1e-6), (1000, 1e-15), (1000, 1e-40)] {
+            let rows: Vec<[f64; 3]> = (0..count).map(|_| [0; 3].map(|_| s.uniform() * size)).collect();
+            let back = written(&rows, &WriteOptions::default()).unwrap();
+            let mut places: Vec<[u64; 3]> = (0..back.len()).map(|i| back.xyz(i).map(f64::to_bits)).collect();
+            places.sort_unstable();
+            places.dedup();
+            assert_eq!(places.len(), rows.len(), "{size}");
+        }
     }
 
     #[test]

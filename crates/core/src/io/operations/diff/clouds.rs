@@ -2,7 +2,7 @@
 
 use super::points::{class_changes, count_classes};
 use super::tally::Tally;
-use super::{Changed, Difference};
+use super::{Changed, Difference, grid_tolerance};
 use crate::cloud::crs::same_length;
 use crate::cloud::{Cloud, Column, Coordinates, Values, names};
 use crate::error::Result;
@@ -58,10 +58,18 @@ fn axis_tally(a: &Cloud, b: &Cloud, axis: usize) -> Tally {
         Coordinates::Scaled { scale, .. } => scale[axis],
         Coordinates::Float(_) => f64::INFINITY,
     };
+    let offset = |cloud: &Cloud| match cloud.coordinates() {
+        Coordinates::Scaled { offset, .. } => offset[axis].abs(),
+        Coordinates::Float(_) => 0.0,
+    };
+    let values = |cloud: &Cloud| (0..cloud.len()).map(|i| cloud.xyz(i)[axis]).collect::<Vec<f64>>();
+    let [one, two] = [values(a), values(b)];
     let finest = step(a).min(step(b));
-    tally.tolerance = if finest.is_finite() { finest * 1e-3 } else { 0.0 };
-    let values = |cloud: &Cloud| Values::F64((0..cloud.len()).map(|i| cloud.xyz(i)[axis]).collect());
-    tally.compare(&values(a), &values(b), 0);
+    if finest.is_finite() {
+        let finite = one.iter().chain(&two).map(|v| v.abs()).filter(|v| v.is_finite());
+        tally.tolerance = grid_tolerance(finest, finite.fold(offset(a).max(offset(b)), f64::max));
+    }
+    tally.compare(&Values::F64(one), &Values::F64(two), 0);
     tally
 }
 

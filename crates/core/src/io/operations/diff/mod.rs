@@ -7,6 +7,7 @@ mod tally;
 
 pub(super) use clouds::compare;
 
+use crate::cloud::rounding;
 use crate::error::Result;
 use crate::io::{ReadOptions, las};
 use serde::Serialize;
@@ -116,11 +117,17 @@ impl Difference {
     }
 }
 
+/// Largest difference of equal coordinates on different grids: their rounding, for coordinates and offsets up to `most`,
+/// but not more than a thousandth of the finer tick.
+fn grid_tolerance(finest: f64, most: f64) -> f64 {
+    rounding(most).min(1e-3 * finest)
+}
+
 /// Compares two files point by point, in their order. Time linear in the points; memory a few blocks of points for LAS
 /// and LAZ, both clouds for other formats.
 ///
 /// Fields are compared bit by bit; numbers of different types (`u8` and `f32`) by value; coordinates on different grids
-/// with a tolerance of a thousandth of the finer tick; scan angles in the two units of LAS with a tolerance of half a
+/// with a tolerance of their rounding, at most a thousandth of the finer tick; scan angles in the two units of LAS with a tolerance of half a
 /// unit.
 ///
 /// All columns are compared; of the options the unit, the names of the columns of text and the monitor count.
@@ -208,6 +215,23 @@ mod tests {
         io::write(&c, &cloud, &WriteOptions::default()).unwrap();
         let found = compare(&a, &c);
         assert_eq!((found.fields.len(), found.fields[0].differing), (1, 666));
+    }
+
+    #[test]
+    fn points_that_a_coarse_grid_moved_differ() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut rows: Vec<[f64; 3]> = (0..1000).map(|i| [f64::from(i) * 1e-3, 0.25, 0.5]).collect();
+        rows.push([1e8; 3]);
+        let cloud = Cloud::from_rows(&rows).unwrap();
+        let [a, b, c] = ["a.txt", "b.las", "c.las"].map(|name| folder.path().join(name));
+        io::write(&a, &cloud, &WriteOptions::default()).unwrap();
+        for (path, scale) in [(&b, 1000.0), (&c, 2000.0)] {
+            io::write(path, &cloud, &WriteOptions { scale: Some([scale; 3]), ..WriteOptions::default() }).unwrap();
+        }
+        let found = compare(&a, &b);
+        let moved = |name: &str| found.fields.iter().find(|f| f.name == name).map(|f| f.differing);
+        assert_eq!(["X", "Y", "Z"].map(moved), [Some(999), Some(1000), Some(1000)]);
+        assert!(compare(&b, &c).fields.is_empty(), "the same places on two grids");
     }
 
     #[test]

@@ -1,10 +1,10 @@
 //! Comparison of two LAS or LAZ files block by block.
 
 use super::tally::Tally;
-use super::{Changed, ClassChange, Difference, header};
+use super::{Changed, ClassChange, Difference, grid_tolerance, header};
 use crate::cloud::{Column, Values, names};
 use crate::error::Result;
-use crate::io::las::{Layout, Outside, Stream};
+use crate::io::las::{Header, Layout, Outside, Stream};
 use crate::parallel::Monitor;
 use rayon::prelude::*;
 use std::path::Path;
@@ -89,8 +89,14 @@ fn tallies(a: &Stream, b: &Stream, layouts: &[Layout; 2]) -> Vec<Tally> {
             let mut tally = Tally::new(name);
             match name.as_bytes() {
                 [axis @ b'X'..=b'Z'] => {
-                    let scale = one.scale[usize::from(axis - b'X')].min(two.scale[usize::from(axis - b'X')]);
-                    if grids { tally.unit = scale } else { tally.tolerance = 1e-3 * scale }
+                    let axis = usize::from(axis - b'X');
+                    let scale = one.scale[axis].min(two.scale[axis]);
+                    let reach =
+                        |header: &Header| f64::from(i32::MAX).mul_add(header.scale[axis], header.offset[axis].abs());
+                    match grids {
+                        true => tally.unit = scale,
+                        false => tally.tolerance = grid_tolerance(scale, reach(one).max(reach(two))),
+                    }
                 }
                 // Whole degrees before point format 6, units of 0.006 degrees from it on.
                 b"ScanAngle" if (one.format < 6) != (two.format < 6) => tally.tolerance = 0.003_01,
