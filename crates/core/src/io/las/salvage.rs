@@ -6,6 +6,7 @@ use super::chunks::{self, Chunk, Chunks, LasHead};
 use super::header::vlr::{MOST_EVLR, Vlr, read_at};
 use super::header::{Header, RECORD_SIZES, bad, least_size, put, u16_at, u32_at, u64_at};
 use super::records::Records;
+use super::records::outside::Outside;
 use super::records::stream::Stream;
 use super::records::tally::Tally;
 use crate::error::{Error, Mismatch, Result};
@@ -48,7 +49,7 @@ impl Records {
         let selection = DecompressionSelection::all();
         let records = Self { path: path.to_path_buf(), file, size, header, vlrs, gap, evlrs, chunks, selection };
         losses.read = records.header.points;
-        Ok((recount(records, monitor)?, losses))
+        Ok((recount(records, &mut losses, monitor)?, losses))
     }
 }
 
@@ -325,20 +326,23 @@ fn readable<'a, B: AsRef<[u8]> + Send + Sync + 'a>(
     Ok((done, decoder.end().is_ok()))
 }
 
-/// Updates counts, returns and bounds in the header to the recovered points.
-fn recount(records: Records, monitor: &Monitor) -> Result<Records> {
+/// Updates counts, returns and bounds in the header to the recovered points. Points outside the former bounds are noted:
+/// they were decoded, but may be wrong.
+fn recount(records: Records, losses: &mut Losses, monitor: &Monitor) -> Result<Records> {
     let mut stream = Stream::of(records);
     let (format, length) = (stream.records.header.format, stream.record_length());
-    let mut tally = Tally::new(format);
+    let (mut tally, mut outside) = (Tally::new(format), Outside::new(&stream.records.header));
     loop {
         let block = stream.next(slab(length), monitor)?;
         if block.is_empty() {
             break;
         }
         tally.add(&block, length);
+        outside.add(&block, length);
     }
     let mut records = stream.records;
     let header = &mut records.header;
+    losses.notes.extend(outside.sentence(header));
     let mut raw = std::mem::take(&mut header.raw);
     tally.put(header, &mut raw);
     (header.raw, [header.low, header.high]) = (raw, tally.bounds(header));

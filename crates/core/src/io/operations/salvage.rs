@@ -198,6 +198,24 @@ mod tests {
     }
 
     #[test]
+    fn points_outside_the_box_of_the_header_are_told() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, old) in [("a.las", false), ("a.laz", false), ("b.laz", true)] {
+            let path = file(folder.path(), name, old);
+            let whole = io::read(&path).unwrap();
+            let mut bytes = std::fs::read(&path).unwrap();
+            // The header's largest x.
+            bytes[179..187].copy_from_slice(&100.0f64.to_le_bytes());
+            std::fs::write(&path, &bytes).unwrap();
+            let (cloud, losses) = salvaged(&path);
+            assert!(cloud == whole && losses.lost() == 0, "{name}");
+            assert!(losses.notes.len() == 1 && losses.notes[0].contains("outside the box"), "{losses:?}");
+            assert!(!losses.summary().contains("nothing"), "{}", losses.summary());
+            assert_eq!(examine(&path, &Monitor::default()).unwrap(), losses);
+        }
+    }
+
+    #[test]
     fn a_wrong_count_and_cut_records_are_put_right() {
         let folder = tempfile::tempdir().unwrap();
         let path = file(folder.path(), "a.las", false);

@@ -56,17 +56,23 @@ impl Outside {
 
     /// Adds a warning if there were any.
     pub(in crate::io) fn report(&self, path: &Path, header: &Header, monitor: &Monitor) {
-        let Some((first, ticks)) = self.first else { return };
+        if let Some(text) = self.sentence(header) {
+            monitor.warn(format!("{}: {text}", path.display()));
+        }
+    }
+
+    /// What to tell the user; `None` if there were none.
+    pub(in crate::io) fn sentence(&self, header: &Header) -> Option<String> {
+        let (first, ticks) = self.first?;
         let [x, y, z] = [0, 1, 2].map(|a| f64::from(ticks[a]).mul_add(header.scale[a], header.offset[a]));
         let (count, lie) = match self.count {
             1 => (format!("1 of {} points", self.seen), "lies"),
             n => (format!("{n} of {} points", self.seen), "lie"),
         };
-        monitor.warn(format!(
-            "{}: {count} {lie} outside the box that the header tells: the file may be damaged (the first is number {first} at \
-             {x}, {y}, {z})",
-            path.display()
-        ));
+        Some(format!(
+            "{count} {lie} outside the box that the header tells: the file may be damaged (the first is number {first} at {x}, {y}, \
+             {z})"
+        ))
     }
 }
 
