@@ -77,6 +77,19 @@ fn info_tells_the_unit_of_a_code_of_epsg() {
 }
 
 #[test]
+fn a_system_without_a_known_unit_is_taken_as_metres_with_a_note() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    for (code, told) in [(12345, true), (32632, false)] {
+        with_keys(&f.join("a.las"), &town(&[]), &[[1024, 0, 1, 1], [3072, 0, 1, code]]);
+        let (_, err) = ends(f, &["classify", "a.las", "-o", "out.npz", "--force", "--overwrite"], 0);
+        assert_eq!(err.contains("tells no unit: metres are assumed"), told, "{code}: {err}");
+        let (_, err) = ends(f, &["terrain", "a.las", "-o", "out.tif", "--overwrite"], 0);
+        assert_eq!(err.contains("tells no unit: metres are assumed"), told, "{code}: {err}");
+    }
+}
+
+#[test]
 fn degrees_are_refused_where_distances_count_and_pass_elsewhere() {
     let folder = tempfile::tempdir().unwrap();
     let f = folder.path();

@@ -109,9 +109,10 @@ impl Context<'_> {
 
     /// Says which unit is assumed for a cloud that has none, if the user has not said it.
     pub(crate) fn tell_unit(&self, input: &Path, cloud: &Cloud) {
-        if self.unit.is_none() && cloud.metres_per_unit.is_none() && cloud.crs.is_none() {
+        if self.unit.is_none() && cloud.unit_is_unknown() {
             let name = input.display();
-            self.printer.note(&format!("{name}: the file has no unit: metres are assumed; --unit 0.3048 for feet"));
+            let what = if cloud.crs.is_some() { "its reference system tells no unit" } else { "the file has no unit" };
+            self.printer.note(&format!("{name}: {what}: metres are assumed; --unit 0.3048 for feet"));
         }
     }
 

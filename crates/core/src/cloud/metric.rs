@@ -96,8 +96,7 @@ impl<'a> MetricCloud<'a> {
         let Self { cloud, strays, .. } = self;
         let aside = strays.warning(cloud).map(|text| format!("{text}; they are set aside"));
         let aside = aside.map(|text| if strays.index.len() == 1 { text.replace("they are", "it is") } else { text });
-        let silent = cloud.metres_per_unit.is_none() && cloud.crs.is_none();
-        let degrees = strays.bounds.filter(|bounds| silent && looks_like_degrees(bounds)).map(|_| {
+        let degrees = strays.bounds.filter(|bounds| cloud.unit_is_unknown() && looks_like_degrees(bounds)).map(|_| {
             "x and y look like degrees, but distances are needed: project the cloud first, e.g. with PDAL's \
              filters.reprojection to UTM"
                 .to_string()

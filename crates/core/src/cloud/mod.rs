@@ -272,8 +272,13 @@ impl Cloud {
         self.angle().is_some()
     }
 
+    /// Whether nothing tells the unit of x and y: none is given, and there is no reference system that states one.
+    pub fn unit_is_unknown(&self) -> bool {
+        self.metres_per_unit.is_none() && self.crs.as_deref().and_then(crs::unit_of).is_none()
+    }
+
     /// Radians in the unit of x and y, if they are angles.
-    fn angle(&self) -> Option<f64> {
+    pub(crate) fn angle(&self) -> Option<f64> {
         match (self.metres_per_unit, crs::unit_of(self.crs.as_deref()?)) {
             (None, Some(crs::Unit::Angle(radians))) => Some(radians),
             _ => None,
@@ -395,6 +400,25 @@ mod tests {
             let cloud = Cloud { metres_per_unit: Some(wrong), ..Cloud::from_rows(&[]).unwrap() };
             assert!(cloud.metres(None).is_err() && cloud.metres(Some(2.0)).is_ok());
         }
+    }
+
+    #[test]
+    fn a_system_that_states_no_unit_leaves_it_unknown() {
+        let mut cloud = Cloud::from_rows(&[]).unwrap();
+        let site = "PROJCS[\"site\",GEOGCS[\"g\",UNIT[\"degree\",0.0174532925199433]]]";
+        for (crs, unknown) in [
+            (None, true),
+            (Some("EPSG:12345"), true),
+            (Some(site), true),
+            (Some("EPSG:4326"), false),
+            (Some("EPSG:32632"), false),
+        ] {
+            cloud.crs = crs.map(String::from);
+            assert_eq!(cloud.unit_is_unknown(), unknown, "{crs:?}");
+        }
+        cloud.crs = Some(site.into());
+        cloud.metres_per_unit = Some(1.0);
+        assert!(!cloud.unit_is_unknown());
     }
 
     #[test]

@@ -5,6 +5,7 @@ use super::palette::{label, ramp, round_step, ticks};
 use super::text::{self, Style};
 use super::values::{LegendEntry, Paint};
 use crate::cloud::Cloud;
+use crate::cloud::crs::angles;
 
 const FAINT: [u8; 3] = [105, 110, 116];
 const SIZE: f32 = 19.0;
@@ -97,18 +98,21 @@ impl ColourBar<'_> {
 struct Unit {
     /// Units per unit of the coordinates.
     per_unit: f64,
-    name: &'static str,
+    name: String,
     large: &'static str,
     multiple: f64,
 }
 
 impl Unit {
-    /// Feet if the coordinates are feet (international or US survey), else metres.
+    /// Feet if the coordinates are feet (international or US survey), angles if they are angles, else metres.
     fn of(cloud: &Cloud) -> Self {
+        if let Some(radians) = cloud.angle() {
+            return Self { per_unit: 1.0, name: angles(radians), large: "", multiple: f64::INFINITY };
+        }
         let metres = cloud.metres_per_unit.unwrap_or(1.0);
         match (metres - FOOT).abs() < 1e-5 {
-            true => Self { per_unit: 1.0, name: "ft", large: "mi", multiple: 5280.0 },
-            false => Self { per_unit: metres, name: "m", large: "km", multiple: 1000.0 },
+            true => Self { per_unit: 1.0, name: "ft".into(), large: "mi", multiple: 5280.0 },
+            false => Self { per_unit: metres, name: "m".into(), large: "km", multiple: 1000.0 },
         }
     }
 
@@ -165,6 +169,14 @@ mod tests {
             cloud.metres_per_unit = Some(metres);
             assert_eq!([500.0, 10_560.0].map(|length| Unit::of(&cloud).label(length)), ["500 ft", "2 mi"]);
         }
+    }
+
+    #[test]
+    fn angles_and_short_lengths_have_a_scale_bar_too() {
+        let mut cloud = Cloud::from_rows(&[]).unwrap();
+        assert_eq!(Unit::of(&cloud).label(2e-4), "0.0002 m");
+        cloud.crs = Some("EPSG:4326".into());
+        assert_eq!([2e-5, 5.0].map(|angle| Unit::of(&cloud).label(angle)), ["0.00002 degrees", "5 degrees"]);
     }
 
     #[test]

@@ -56,9 +56,10 @@ pub(super) fn round_step(least: f64) -> f64 {
     [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|s| *s >= least * 0.999_999).unwrap_or(power * 10.0)
 }
 
-/// A number without unnecessary digits.
+/// A number without unnecessary digits: three decimals, more for small numbers.
 pub(super) fn label(value: f64) -> String {
-    let text = format!("{value:.3}");
+    let decimals = (2.0 - value.abs().log10().floor()).clamp(3.0, 12.0) as usize;
+    let text = format!("{value:.decimals$}");
     let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
     if text == "-0" { "0".into() } else { text.into() }
 }
@@ -74,6 +75,11 @@ mod tests {
         assert_eq!(round_step(0.03), 0.05);
         assert_eq!(round_step(50.0), 50.0);
         assert_eq!((label(2.50), label(100.0), label(-0.0)), ("2.5".into(), "100".into(), "0".into()));
+    }
+
+    #[test]
+    fn small_numbers_keep_their_digits() {
+        assert_eq!([0.0314, 2e-5, -5e-4, 1e-17].map(label), ["0.0314", "0.00002", "-0.0005", "0"]);
     }
 
     #[test]

@@ -157,7 +157,7 @@ impl Job<'_> {
             let mut text = format!(
                 "{here:.1} points per square metre here, {there:.1} in training: check the unit of the coordinates and the result"
             );
-            if here < there && cloud.metres_per_unit.is_none() && cloud.crs.is_none() {
+            if here < there && cloud.unit_is_unknown() {
                 text += " (the file states no unit; for feet use --unit 0.3048)";
             }
             warnings.push(text);

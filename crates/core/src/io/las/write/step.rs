@@ -78,7 +78,7 @@ pub(super) fn frame(cloud: &Cloud, options: &WriteOptions) -> Result<LasFrame> {
 /// spacing.
 fn may_be_degrees(cloud: &Cloud, axes: &[Axis; 3]) -> bool {
     let narrow = |axis: &Axis, most: f64| axis.low >= -most && axis.high <= most && axis.high - axis.low < 1.0;
-    cloud.crs.is_none() && cloud.metres_per_unit.is_none() && narrow(&axes[0], 180.0) && narrow(&axes[1], 90.0)
+    cloud.unit_is_unknown() && narrow(&axes[0], 180.0) && narrow(&axes[1], 90.0)
 }
 
 /// One axis, and the kind of its coordinates.
