@@ -3,6 +3,7 @@
 use super::{bad, holds};
 use crate::error::{Mismatch, Result};
 use crate::io::lines::{Lines, Pieces, lines};
+use crate::parallel::Monitor;
 use std::path::{Path, PathBuf};
 
 /// The labels that belong to a file.
@@ -12,12 +13,33 @@ pub(super) struct Labels {
     pub(super) codes: Vec<u8>,
 }
 
+/// The file of labels that belongs to a file of points, if there is one.
+fn file_beside(path: &Path) -> Option<PathBuf> {
+    let file = path.with_extension("labels");
+    (file != path && file.is_file()).then_some(file)
+}
+
+/// Warns that a file of points with classes of its own has labels beside it, perhaps of an earlier file of that name.
+pub(super) fn tell_unread(path: &Path, monitor: &Monitor) {
+    if let Some(file) = file_beside(path) {
+        let (points, labels) = (path.display(), file.display());
+        monitor.warn(format!("{labels} is not read: {points} has classes of its own"));
+    }
+}
+
+/// Warns that a file of points without classes, which was written, will get those of the labels beside it when it is read.
+pub(super) fn tell_read(path: &Path, monitor: &Monitor) {
+    if let Some(file) = file_beside(path) {
+        let (points, labels) = (path.display(), file.display());
+        monitor.warn(format!(
+            "{points} has no classes: readers take those of {labels}; remove it if it belongs to other points"
+        ));
+    }
+}
+
 /// Reads the labels, if there are any.
 pub(super) fn beside(path: &Path) -> Result<Option<Labels>> {
-    let file = path.with_extension("labels");
-    if file == path || !file.is_file() {
-        return Ok(None);
-    }
+    let Some(file) = file_beside(path) else { return Ok(None) };
     let mut reader = Lines::open(&file, "text", 0, 0)?;
     let mut codes = Vec::new();
     while let Some((number, line)) = reader.next()? {

@@ -39,7 +39,7 @@ fn holds(line: &[u8]) -> bool {
 mod tests {
     use crate::cloud::{Cloud, Column, Coordinates, Values};
     use crate::error::Result;
-    use crate::io;
+    use crate::io::{self, ReadOptions, WriteOptions};
 
     fn read_text(name: &str, files: &[(&str, &str)]) -> Result<Cloud> {
         let folder = tempfile::tempdir().unwrap();
@@ -109,6 +109,29 @@ mod tests {
         let path = folder.path().join("b.labels");
         io::write(&path, &cloud, &Default::default()).unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "2\n6\n");
+    }
+
+    #[test]
+    fn classes_that_were_written_are_not_replaced_by_old_labels() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        let mut cloud = Cloud::from_rows(&[[0.0; 3], [1.0; 3]]).unwrap();
+        for labels in ["2\n2\n", "2\n2\n2\n", "car\n"] {
+            std::fs::write(folder.path().join("a.labels"), labels).unwrap();
+            cloud.set_column(Column::new("Classification", Values::U8(vec![5, 6]))).unwrap();
+            let write = WriteOptions::default();
+            io::write(&path, &cloud, &write).unwrap();
+            assert!(write.monitor.take_warnings().is_empty());
+            let read = ReadOptions::default();
+            assert_eq!(io::read_with(&path, &read).unwrap(), cloud);
+            let told = read.monitor.take_warnings();
+            assert!(told.len() == 1 && told[0].contains("a.labels is not read"), "{told:?}");
+            assert_eq!(io::inspect(&path).unwrap().dimensions, ["Classification"]);
+            cloud.take_column("Classification");
+            io::write(&path, &cloud, &write).unwrap();
+            let told = write.monitor.take_warnings();
+            assert!(told.len() == 1 && told[0].contains("has no classes"), "{told:?}");
+        }
     }
 
     #[test]

@@ -39,12 +39,18 @@ pub(in crate::io) struct Reader {
 
 impl Reader {
     pub(in crate::io) fn open(path: &Path, options: &ReadOptions) -> Result<Self> {
-        let labels = labels::beside(path)?;
+        let mut pieces = Pieces::open(path, "text", 0)?;
+        let (layout, first, lines) = layout::find(path, &mut pieces, &options.text_columns)?;
+        let labels = match layout.names.iter().any(|name| name == names::CLASSIFICATION) {
+            true => {
+                labels::tell_unread(path, &options.monitor);
+                None
+            }
+            false => labels::beside(path)?,
+        };
         if let Some(labels) = &labels {
             labels.check_lines(path)?;
         }
-        let mut pieces = Pieces::open(path, "text", 0)?;
-        let (layout, first, lines) = layout::find(path, &mut pieces, &options.text_columns)?;
         if let Some(line) = layout.guessed.as_ref().filter(|_| labels.is_none()) {
             options.monitor.warn(format!(
                 "{}: no names of columns: the first line, {line:?}, is taken as {} (--columns names them)",
@@ -198,7 +204,7 @@ pub(in crate::io) fn inspect(path: &Path, text_columns: &[String]) -> Result<Fil
     }
     let mut info = FileInfo::new(path, "text", points);
     info.dimensions = reader.kept;
-    if reader.labels.is_some() && !info.dimensions.iter().any(|d| d == names::CLASSIFICATION) {
+    if reader.labels.is_some() {
         info.dimensions.push(names::CLASSIFICATION.into());
     }
     Ok(info)

@@ -1,5 +1,6 @@
 //! Writing text.
 
+use super::labels;
 use super::print::{self, Rounded};
 use super::read::Reader;
 use crate::cloud::{Cloud, Coordinates, Values, names};
@@ -42,7 +43,12 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
     match lines {
         // A label file alone is not a cloud.
         Lines::Labels(_) => file.finish(),
-        Lines::Points { .. } => verify::finish(file, cloud, options, Reader::open),
+        Lines::Points { .. } => {
+            if cloud.column(names::CLASSIFICATION).is_none() {
+                labels::tell_read(path, &options.monitor);
+            }
+            verify::finish(file, cloud, options, Reader::open)
+        }
     }
 }
 
