@@ -90,6 +90,22 @@ fn a_system_without_a_known_unit_is_taken_as_metres_with_a_note() {
 }
 
 #[test]
+fn a_scale_that_moves_points_is_told_by_every_verb() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    save(f, "a.npz", &town(&[]));
+    save(f, "b.laz", &town(&[]));
+    for verb in [
+        &["convert", "a.npz", "out.laz"][..],
+        &["segment", "a.npz", "-o", "out.laz"],
+        &["merge", "a.npz", "b.laz", "-o", "out.laz"],
+    ] {
+        let (_, err) = ends(f, &[verb, &["--scale", "1", "--overwrite"]].concat(), 0);
+        assert!(err.contains("X: rounded in"), "{verb:?}: {err}");
+    }
+}
+
+#[test]
 fn degrees_are_refused_where_distances_count_and_pass_elsewhere() {
     let folder = tempfile::tempdir().unwrap();
     let f = folder.path();

@@ -25,6 +25,7 @@ pub(super) use rewrite::crop::crop;
 pub(super) use rewrite::merge::merge;
 pub(super) use rewrite::{check_dimensions, convert, rewrite_records, select};
 pub use write::step::LasFrame;
+pub(super) use write::step::moved_by_scale;
 pub(super) use write::{check_finite, write};
 pub use write::{las_frame, las_wkt};
 

@@ -103,6 +103,11 @@ fn lost_records(input: &Path) -> Result<Vec<String>> {
         .collect())
 }
 
+/// That a field is rounded.
+pub(super) fn rounded(name: &str, points: u64, largest: f64) -> String {
+    format!("{name}: rounded in {points} points, by {largest:.3e} at most")
+}
+
 /// Differences between the cloud and what was written.
 fn losses(cloud: &crate::Cloud, back: &crate::Cloud, options: &WriteOptions) -> Result<Vec<String>> {
     let found = compare(cloud, back, &options.monitor)?;
@@ -125,7 +130,7 @@ fn losses(cloud: &crate::Cloud, back: &crate::Cloud, options: &WriteOptions) -> 
         if points > 0 {
             notes.push(match field.largest.is_nan() {
                 true => format!("{name}: changed in {points} points"),
-                false => format!("{name}: rounded in {points} points, by {:.3e} at most", field.largest),
+                false => rounded(name, points, field.largest),
             });
         }
         if field.one_sided > 0 {

@@ -1,6 +1,6 @@
 //! Merges several files into one.
 
-use super::select::lost_system;
+use super::select::{lost_system, moved_by_scale};
 use crate::cloud::crs::{more_told, same_length};
 use crate::cloud::{Cloud, CodeScheme, Column, Coordinates, Values};
 use crate::error::{Error, Result};
@@ -42,6 +42,7 @@ fn merge_any(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Resul
     let (cloud, mut notes) = read_together(inputs, &options.reading())?;
     write(output, &cloud, options)?;
     notes.extend(lost_system(&cloud, output));
+    notes.extend(moved_by_scale(&cloud, output, options)?);
     Ok(RewriteReport { points: cloud.len() as u64, notes })
 }
 

@@ -1,5 +1,6 @@
 //! Copies of a file with some of its points, or with changes to them.
 
+use super::convert::rounded;
 use crate::cloud::{Cloud, Column, OwnClass, Values, names};
 use crate::error::Result;
 use crate::io::{
@@ -48,7 +49,18 @@ fn select_any(input: &Path, output: &Path, selection: &Selection<'_>, options: &
             run::run(rules, || atomic::write_bytes(&beside(output), text.as_bytes()))?;
         }
     }
-    Ok(RewriteReport { points: cloud.len() as u64, notes: lost_system(&cloud, output) })
+    let notes = [lost_system(&cloud, output), moved_by_scale(&cloud, output, options)?].concat();
+    Ok(RewriteReport { points: cloud.len() as u64, notes })
+}
+
+/// That a scale that was asked for moves points of a cloud, which is written as LAS.
+pub(super) fn moved_by_scale(cloud: &Cloud, output: &Path, options: &WriteOptions) -> Result<Vec<String>> {
+    if !is_las_name(output) {
+        return Ok(Vec::new());
+    }
+    let axes = ["X", "Y", "Z"].into_iter().zip(las::moved_by_scale(cloud, options)?);
+    let moved = axes.filter(|(_, moved)| moved.points > 0);
+    Ok(moved.map(|(name, moved)| rounded(name, moved.points, moved.largest)).collect())
 }
 
 /// That the output has no room for the reference system or the unit of a cloud.
@@ -117,6 +129,22 @@ mod tests {
             .unwrap();
         cloud.set_column(Column::new("Own", Values::F64((0..70_000).map(f64::from).collect()))).unwrap();
         cloud
+    }
+
+    #[test]
+    fn a_scale_that_moves_points_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let [a, b, c] = ["a.csv", "b.csv", "c.las"].map(|name| folder.path().join(name));
+        for (path, shift) in [(&a, 0.0), (&b, 0.25)] {
+            let rows: Vec<[f64; 3]> = (0..9).map(|i| [f64::from(i) + shift, f64::from(i), 5e6]).collect();
+            write(path, &Cloud::from_rows(&rows).unwrap(), &WriteOptions::default()).unwrap();
+        }
+        let options = WriteOptions { scale: Some([1.0; 3]), ..WriteOptions::default() };
+        let told = ["X: rounded in 9 points, by 2.500e-1 at most"];
+        assert_eq!(rewrite(&b, &c, &[], &options).unwrap().notes, told);
+        assert_eq!(crate::io::merge(&[a.clone(), b.clone()], &c, &options).unwrap().notes, told);
+        assert!(rewrite(&a, &c, &[], &options).unwrap().notes.is_empty(), "its coordinates are whole");
+        assert!(rewrite(&b, &c, &[], &WriteOptions::default()).unwrap().notes.is_empty());
     }
 
     #[test]

@@ -130,10 +130,9 @@ impl Axis {
 
     /// The largest displacement of a coordinate.
     fn loss(&self, cloud: &Cloud, scale: f64, offset: f64, monitor: &Monitor) -> Result<f64> {
-        let moved = |v: f64| (((v - offset) / scale).round().mul_add(scale, offset) - v).abs();
         // Displacements below the precision of the number itself do not count.
         let noise = rounding(self.low.abs().max(self.high.abs()));
-        let finite = |v: f64| if v.is_finite() { moved(v) } else { 0.0 };
+        let finite = |v: f64| if v.is_finite() { moved(v, scale, offset) } else { 0.0 };
         let most = map_ordered(cloud.len().div_ceil(PIECE), monitor, |piece| {
             let points = piece * PIECE..((piece + 1) * PIECE).min(cloud.len());
             Ok(match cloud.coordinates() {
@@ -167,6 +166,44 @@ impl Axis {
             self.name()
         ))
     }
+}
+
+/// How far a coordinate is moved by a step.
+fn moved(v: f64, scale: f64, offset: f64) -> f64 {
+    (((v - offset) / scale).round().mul_add(scale, offset) - v).abs()
+}
+
+/// What a step that was asked for does to the coordinates of an axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::io) struct Moved {
+    /// Number of points that it moves by more than the precision of the numbers.
+    pub(in crate::io) points: u64,
+    /// Their largest displacement.
+    pub(in crate::io) largest: f64,
+}
+
+/// What the scale of the options does to x, y and z; nothing without one. One pass over the points.
+///
+/// # Errors
+/// As [`frame`].
+pub(in crate::io) fn moved_by_scale(cloud: &Cloud, options: &WriteOptions) -> Result<[Moved; 3]> {
+    let mut found = [Moved { points: 0, largest: 0.0 }; 3];
+    if options.scale.is_none() {
+        return Ok(found);
+    }
+    let LasFrame { scale, offset } = frame(cloud, options)?;
+    for piece in watched(cloud.len(), &options.monitor) {
+        for at in piece?.map(|i| cloud.xyz(i)) {
+            for a in 0..3 {
+                let apart = moved(at[a], scale[a], offset[a]);
+                if apart > rounding(at[a].abs().max(offset[a].abs())) {
+                    found[a].points += 1;
+                    found[a].largest = found[a].largest.max(apart);
+                }
+            }
+        }
+    }
+    Ok(found)
 }
 
 /// Approximate distance of neighbouring points, rather too small than too large; infinite if all points coincide. With
