@@ -396,3 +396,28 @@ def test_marks_that_are_numbers_are_not_read_as_classes():
         terrain.dtm(cloud, ground=marks)
     with pytest.raises(ValueError, match="noise: found class 7 2 times, expected each class once$"):
         terrain.dtm(cloud, noise=[7, 7])
+
+
+def test_stray_points_are_named_and_are_no_ground():
+    clean = village()
+    strayed = scansion.PointCloud(
+        np.vstack([clean.xyz, np.zeros(3)]), Classification=np.append(clean["Classification"], 2).astype(np.uint8)
+    )
+    with pytest.warns(UserWarning, match="number 12000 at 0, 0, 0"):
+        ground = terrain.ground_points(strayed)
+    assert not ground[-1]
+    np.testing.assert_array_equal(ground[:-1], terrain.ground_points(clean))
+    with pytest.warns(UserWarning, match="number 12000 at 0, 0, 0"):
+        heights = terrain.heights(strayed, ground)
+    np.testing.assert_allclose(heights[:-1], terrain.heights(clean, ground[:-1]), atol=1e-5)
+    for product in (terrain.dtm, terrain.dsm, terrain.chm):
+        with pytest.warns(UserWarning, match="number 12000 at 0, 0, 0"):
+            found = product(strayed, cell=1.0)
+        assert found.values.shape == product(clean, cell=1.0).values.shape
+
+
+@pytest.mark.parametrize("method", ["slic", "vccs"])
+def test_supervoxels_name_the_stray_point_that_makes_them_impossible(method):
+    strayed = np.vstack([village().xyz, np.zeros(3)])
+    with pytest.warns(UserWarning, match="number 12000 at 0, 0, 0"), pytest.raises(ValueError, match="size|voxel"):
+        scansion.segmentation.supervoxels(strayed, method=method)

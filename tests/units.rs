@@ -90,6 +90,21 @@ fn a_system_without_a_known_unit_is_taken_as_metres_with_a_note() {
 }
 
 #[test]
+fn features_and_pictures_tell_of_stray_points() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let cloud = town(&[[0.0; 3]]);
+    save(f, "a.npz", &cloud);
+    let number = format!("number {} at 0, 0, 0", cloud.len() - 1);
+    for rest in [&[][..], &["--optimal"]] {
+        let (_, err) = ends(f, &[&["features", "a.npz", "-o", "f.npy", "--overwrite"], rest].concat(), 0);
+        assert!(err.contains(&number), "{rest:?}: {err}");
+    }
+    let (_, err) = ends(f, &["render", "a.npz", "-o", "r.png"], 0);
+    assert!(err.contains("far from all others: 1 (the first is at 0, 0, 0)"), "{err}");
+}
+
+#[test]
 fn a_scale_that_moves_points_is_told_by_every_verb() {
     let folder = tempfile::tempdir().unwrap();
     let f = folder.path();

@@ -15,11 +15,38 @@ use std::sync::Arc;
 
 /// All points of a cloud in metres, including stray ones, so that indices are those of the cloud.
 pub(crate) fn points(cloud: &CoreCloud, metres_per_unit: Option<f64>, monitor: &Monitor) -> Result<Points> {
-    let points = MetricCloud::new(cloud, metres_per_unit, monitor)?.points_and_strays(monitor)?;
-    match cloud.len() - points.len() {
-        0 => Ok(points),
-        lost => Err(Error::input(format!("{lost} of {} points have NaN or infinite coordinates", cloud.len()))),
+    of_all(&MetricCloud::new(cloud, metres_per_unit, monitor)?, monitor)
+}
+
+/// As [`points`], for work whose grids span all of them: warns of stray points, which may make that impossible.
+pub(crate) fn points_told(cloud: &CoreCloud, metres_per_unit: Option<f64>, monitor: &Monitor) -> Result<Points> {
+    let scene = MetricCloud::new(cloud, metres_per_unit, monitor)?;
+    if let Some(text) = scene.strays.warning(cloud) {
+        monitor.warn(format!("{text}; leave such points out, they take part here"));
     }
+    of_all(&scene, monitor)
+}
+
+fn of_all(scene: &MetricCloud<'_>, monitor: &Monitor) -> Result<Points> {
+    let points = scene.points_and_strays(monitor)?;
+    match scene.cloud.len() - points.len() {
+        0 => Ok(points),
+        lost => Err(Error::input(format!("{lost} of {} points have NaN or infinite coordinates", scene.cloud.len()))),
+    }
+}
+
+/// A scene whose stray points are set aside, and all its points.
+pub(crate) struct Told<'a> {
+    pub(crate) scene: MetricCloud<'a>,
+    pub(crate) all: Points,
+}
+
+/// Warns of what may change results, such as stray points, and refuses points that are not finite.
+pub(crate) fn told<'a>(cloud: &'a CoreCloud, metres_per_unit: Option<f64>, monitor: &Monitor) -> Result<Told<'a>> {
+    let scene = MetricCloud::new(cloud, metres_per_unit, monitor)?;
+    scene.oddities().into_iter().for_each(|text| monitor.warn(text));
+    let all = of_all(&scene, monitor)?;
+    Ok(Told { scene, all })
 }
 
 /// Indices of the nearest points and their distances, `(n, k)` each.

@@ -4,7 +4,7 @@ use crate::call::call;
 use crate::cloud::Cloud;
 use crate::convert::{matrix, to_matrix, vector};
 use crate::json;
-use crate::neighbours::points;
+use crate::neighbours::{points, points_told};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -53,13 +53,13 @@ pub(crate) fn supervoxels<'py>(
         "slic" => {
             let params: SlicParams = json::settings(settings)?;
             call(py, n_jobs, |monitor| {
-                segmentation::slic(&points(&cloud, None, monitor)?.positions, &attributes, &params, monitor)
+                segmentation::slic(&points_told(&cloud, None, monitor)?.positions, &attributes, &params, monitor)
             })
         }
         _ => {
             let params: VccsParams = json::settings(settings)?;
             call(py, n_jobs, |monitor| {
-                segmentation::vccs(&points(&cloud, None, monitor)?.positions, &attributes, &params, monitor)
+                segmentation::vccs(&points_told(&cloud, None, monitor)?.positions, &attributes, &params, monitor)
             })
         }
     }?;

@@ -4,7 +4,7 @@ use crate::call::call;
 use crate::cloud::Cloud;
 use crate::convert::{matrix, to_matrix, vector};
 use crate::json;
-use crate::neighbours::points;
+use crate::neighbours::{Told, points, told};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use scansion_core::classification::ForestParams;
@@ -32,7 +32,15 @@ pub(crate) fn ground_points<'py>(
     let params: GroundParams = json::settings(settings)?;
     let cloud = Arc::clone(&cloud.inner);
     let found = call(py, n_jobs, |monitor| {
-        terrain::ground_points(&points(&cloud, metres_per_unit, monitor)?, &params, monitor)
+        let Told { scene, all } = told(&cloud, metres_per_unit, monitor)?;
+        if scene.strays.index.is_empty() {
+            return terrain::ground_points(&all, &params, monitor);
+        }
+        let near = scene.points(monitor)?;
+        let mut ground = vec![false; all.len()];
+        let found = terrain::ground_points(&near, &params, monitor)?;
+        near.frame.index.iter().zip(found).for_each(|(&i, is_ground)| ground[i as usize] = is_ground);
+        Ok(ground)
     })?;
     Ok(PyArray1::from_vec(py, found))
 }
@@ -52,8 +60,13 @@ pub(crate) fn heights<'py>(
     let ground = vector(&ground, "ground")?;
     let cloud = Arc::clone(&cloud.inner);
     let found = call(py, n_jobs, |monitor| {
-        let points = points(&cloud, metres_per_unit, monitor)?;
-        ElevationModel::fit(&points, ground, &params, monitor)?.heights(&points, monitor)
+        let Told { scene, all } = told(&cloud, metres_per_unit, monitor)?;
+        if scene.strays.index.is_empty() || ground.len() != all.len() {
+            return ElevationModel::fit(&all, ground, &params, monitor)?.heights(&all, monitor);
+        }
+        let near = scene.points(monitor)?;
+        let ground: Vec<bool> = near.frame.index.iter().map(|&i| ground[i as usize]).collect();
+        ElevationModel::fit(&near, &ground, &params, monitor)?.heights(&all, monitor)
     })?;
     Ok(PyArray1::from_vec(py, found))
 }
@@ -124,6 +137,7 @@ pub(crate) fn terrain_raster<'py>(
     let cloud = Arc::clone(&cloud.inner);
     let (raster, note) = call(py, n_jobs, |monitor| {
         let scene = MetricCloud::new(&cloud, metres_per_unit, monitor)?;
+        scene.oddities().into_iter().for_each(|text| monitor.warn(text));
         let find = if product == "dsm" { Survey::of_points } else { Survey::new };
         let survey = find(&scene, &params, monitor)?;
         let terrain = || terrain::terrain_model(&survey, &params, monitor);
@@ -157,6 +171,7 @@ pub(crate) fn height_above_ground<'py>(
     let cloud = Arc::clone(&cloud.inner);
     let (heights, note) = call(py, n_jobs, |monitor| {
         let scene = MetricCloud::new(&cloud, metres_per_unit, monitor)?;
+        scene.oddities().into_iter().for_each(|text| monitor.warn(text));
         let survey = Survey::new(&scene, &params, monitor)?;
         let mut heights = terrain::heights_above_ground(&scene, &survey, &params, monitor)?;
         heights.iter_mut().for_each(|height| *height /= scene.metres as f32);
@@ -180,6 +195,7 @@ pub(crate) fn footprints(
     let cloud = Arc::clone(&cloud.inner);
     call(py, n_jobs, |monitor| {
         let scene = MetricCloud::new(&cloud, metres_per_unit, monitor)?;
+        scene.oddities().into_iter().for_each(|text| monitor.warn(text));
         let survey = Survey::new(&scene, &params, monitor)?;
         let heights = terrain::heights_above_ground(&scene, &survey, &params, monitor)?;
         let found = terrain::footprints(&scene, &heights, &shape, monitor)?;

@@ -74,7 +74,9 @@ fn optimal(args: &Features, files: Files<'_>, context: &Context<'_>) -> Result<(
     let options = ReadOptions { columns: Columns::Only(Vec::new()), ..context.read_options() };
     let cloud = io::read_with(files.input, &options)?;
     io::check_coordinates(files.input, files.output, &cloud, &context.write_options())?;
-    let points = MetricCloud::new(&cloud, args.unit.unit, &context.monitor)?.points(&context.monitor)?;
+    let scene = MetricCloud::new(&cloud, args.unit.unit, &context.monitor)?;
+    scene.oddities().into_iter().for_each(|text| context.monitor.warn(text));
+    let points = scene.points(&context.monitor)?;
     let found = optimal_features(&points.positions, &params, &context.monitor)?;
     let mut all = Rows { points: (0..cloud.len() as u32).collect(), ..Rows::default() };
     all.values = vec![f32::NAN; cloud.len() * names.len()];

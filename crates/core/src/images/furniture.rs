@@ -10,8 +10,16 @@ use crate::cloud::crs::angles;
 const FAINT: [u8; 3] = [105, 110, 116];
 const SIZE: f32 = 19.0;
 
+/// What a picture shows.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Scene<'a> {
+    pub(super) cloud: &'a Cloud,
+    /// Number of points, without stray ones.
+    pub(super) points: usize,
+}
+
 /// Draws legend, colour bar and scale bar.
-pub(super) fn draw(image: &mut Image, frame: &Frame, paint: &Paint<'_>, cloud: &Cloud) {
+pub(super) fn draw(image: &mut Image, frame: &Frame, paint: &Paint<'_>, scene: Scene<'_>) {
     let x = i64::from(frame.x + frame.w + MARGIN);
     let y = i64::from(frame.y);
     match paint {
@@ -20,8 +28,8 @@ pub(super) fn draw(image: &mut Image, frame: &Frame, paint: &Paint<'_>, cloud: &
         }
         _ => entries(image, [x, y], &paint.entries()),
     }
-    scale_bar(image, frame, cloud);
-    let count = format!("{} points", grouped(cloud.len()));
+    scale_bar(image, frame, scene.cloud);
+    let count = format!("{} points", grouped(scene.points));
     let width = text::width(16.0, &count);
     let place = [frame.x as f32 + frame.w as f32 - width, frame.y as f32 + frame.h as f32 + 30.0];
     text::draw(image, place, Style { size: 16.0, colour: FAINT }, &count);

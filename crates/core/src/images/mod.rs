@@ -175,7 +175,14 @@ pub fn render(cloud: &Cloud, classes: &ClassTable, params: &RenderParams, monito
         return render(&part, classes, &RenderParams { clip: None, lines, ..params.clone() }, monitor);
     }
     let paint = Paint::new(cloud, classes, params, monitor)?;
-    let Some(bounds) = Strays::find(cloud, &StrayParams::default(), monitor)?.bounds else {
+    let strays = Strays::find(cloud, &StrayParams::default(), monitor)?;
+    if let Some(&first) = strays.index.first() {
+        let ([x, y, z], count) = (cloud.xyz(first as usize), strays.index.len());
+        monitor.warn(format!(
+            "the picture does not reach to points far from all others: {count} (the first is at {x}, {y}, {z})"
+        ));
+    }
+    let Some(bounds) = strays.bounds else {
         let mut image = Image::blank(params.width, params.height.unwrap_or(300));
         text::draw(&mut image, [40.0, 60.0], text::Style { size: 28.0, colour: canvas::INK }, "no points");
         return Ok(image);
@@ -198,7 +205,8 @@ pub fn render(cloud: &Cloud, classes: &ClassTable, params: &RenderParams, monito
         text::draw(&mut image, [canvas::MARGIN as f32, 40.0], text::Style { size: 26.0, colour: canvas::INK }, title);
     }
     if params.legend {
-        furniture::draw(&mut image, &frame, &paint, cloud);
+        let scene = furniture::Scene { cloud, points: cloud.len() - strays.index.len() };
+        furniture::draw(&mut image, &frame, &paint, scene);
     }
     image.world = (params.view == View::Map).then(|| frame.world(&camera));
     Ok(image)
@@ -241,6 +249,11 @@ mod tests {
         let codes = codes.into_iter().map(|code| code as u8).collect();
         cloud.set_column(Column::new("Classification", Values::U8(codes))).unwrap();
         assert_eq!(draw(&cloud, &params).rgb, draw(&plain, &params).rgb);
+        let (monitor, legend) = (Monitor::default(), RenderParams { legend: true, ..params.clone() });
+        let image = render(&cloud, &ClassTable::default(), &legend, &monitor).unwrap();
+        assert_eq!(image.rgb, draw(&plain, &legend).rgb, "the number of points is that of those shown");
+        let told = monitor.take_warnings();
+        assert!(told.len() == 1 && told[0].contains("2 (the first is at 10000, 10000, 0)"), "{told:?}");
         let clipped = draw(&cloud, &RenderParams { clip: Some((-1.0, 4.0)), ..params.clone() });
         let red = |image: &Image| image.rgb.chunks_exact(3).filter(|c| c[0] > 150 && c[1] < 90).count();
         assert!(red(&draw(&cloud, &params)) > 1000 && red(&clipped) == 0);

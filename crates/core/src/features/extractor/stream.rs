@@ -40,7 +40,9 @@ impl<'a> FeatureStream<'a> {
         let needed = 40 * cloud.len() as u64 + 150 * cloud.len().min(1 << 20) as u64;
         memory::require(needed, &format!("the features of {} points", cloud.len()))?;
         let scene = MetricCloud::new(cloud, set.metres_per_unit, monitor)?;
-        Ok(Self { tiles: Tiles::prepare(&scene, set, wanted, monitor)?, points: cloud.len() })
+        let tiles = Tiles::prepare(&scene, set, wanted, monitor)?;
+        scene.oddities().into_iter().for_each(|text| monitor.warn(text));
+        Ok(Self { tiles, points: cloud.len() })
     }
 
     /// Names of the columns.
@@ -48,7 +50,7 @@ impl<'a> FeatureStream<'a> {
         self.tiles.names()
     }
 
-    /// Passes on each point's row once, not in the cloud's order; rows of points that are not finite are NaN.
+    /// Passes on each point's row once, not in the cloud's order; rows of points that are not finite, or stray, are NaN.
     ///
     /// The rows and their order are the same for any number of threads; only the division into [`Rows`] differs.
     ///
