@@ -200,6 +200,55 @@ fn an_output_that_cannot_be_written_is_found_before_points_are_read() {
 }
 
 #[test]
+fn a_result_that_would_be_lost_or_replace_a_field_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    io::write(&f.join("a.laz"), &street(12.0, 1), &WriteOptions::default()).unwrap();
+    for other in ["a.csv", "a.ply", "a.npz"] {
+        done(f, &["convert", "a.laz", other]);
+    }
+    let before = contents(f);
+    let taken = [
+        ("a.laz", "Intensity"),
+        ("a.ply", "Intensity"),
+        ("a.csv", "intensity"),
+        ("a.csv", "label"),
+        ("a.csv", "x"),
+        ("a.npz", "xyz"),
+        // Other dimensions of the result.
+        ("a.csv", "Confidence"),
+        ("a.laz", "Confidence"),
+        ("a.ply", "Entropy"),
+    ];
+    for (input, name) in taken {
+        let output = format!("o.{}", input.rsplit('.').next().unwrap());
+        for verb in ["classify", "regularize"] {
+            if verb == "regularize" && name == "Entropy" {
+                continue;
+            }
+            let message = fails(f, &[verb, input, "--to", name, "-o", &output], 2);
+            assert!(message.contains(name) && message.contains("a name that"), "{verb} {input} {name}: {message}");
+        }
+    }
+    for arguments in [
+        vec!["classify", "a.laz", "--to", "Mine"],
+        vec!["height", "a.laz"],
+        vec!["segment", "a.laz"],
+        vec!["suggest", "a.laz"],
+        vec!["features", "a.laz", "--only", "Planarity"],
+        vec!["filter", "a.laz", "--classes", "2"],
+    ] {
+        for output in ["o.labels", "o.label"] {
+            let message = fails(f, &[&arguments[..], &["-o", output]].concat(), 2);
+            assert!(message.contains("classes only"), "{arguments:?}: {message}");
+        }
+    }
+    assert!(contents(f) == before);
+    done(f, &["classify", "a.laz", "-o", "o.labels"]);
+    done(f, &["classify", "a.laz", "--to", "Confidence", "--no-extra", "-o", "o.laz"]);
+}
+
+#[test]
 fn points_that_las_cannot_hold_are_found_before_the_work() {
     let folder = tempfile::tempdir().unwrap();
     let f = folder.path();

@@ -33,7 +33,10 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
     let (mut failed, mut first) = (0, true);
     let mut keep = Kept { read: false, absent: args.keep.clone() };
     let skipped = |output: &Path| args.skip_existing && output.exists();
-    let check = |output: &Path| if skipped(output) { Ok(false) } else { io::check_cloud_output(output).map(|()| true) };
+    let check = |output: &Path| match skipped(output) {
+        true => Ok(false),
+        false => check_output(output, args).map(|()| true),
+    };
     let checked: Vec<_> = pairs.iter().map(|(_, output)| check(output)).collect();
     for (number, ((input, output), checked)) in pairs.iter().zip(checked).enumerate() {
         context.monitor.file(number + 1, pairs.len());
@@ -66,6 +69,14 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
         context.printer.note(LIMITS);
     }
     if failed > 0 { Err(Failure::Partly { failed, inputs: pairs.len() }) } else { Ok(()) }
+}
+
+/// Fails if the result could not be written to a file of this name.
+fn check_output(output: &Path, args: &Classify) -> Result<(), Error> {
+    io::check_cloud_output(output)?;
+    let Some(name) = &args.to else { return Ok(()) };
+    io::check_dimension_name(output, name)?;
+    io::check_holds(output, &format!("the dimension {name}"))
 }
 
 /// Whether the built-in model is used.

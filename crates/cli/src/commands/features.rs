@@ -21,6 +21,7 @@ pub(crate) fn run(args: &Features, context: &Context<'_>) -> Result<(), Failure>
         true => io::check_output(output)?,
         false => io::check_cloud_output(output).map_err(or_table)?,
     }
+    io::check_holds(output, "features")?;
     let files = Files { input, output };
     if args.optimal {
         return optimal(args, files, context);

@@ -10,6 +10,7 @@ use scansion_core::terrain::heights_above_ground;
 
 pub(crate) fn run(args: &Height, context: &Context<'_>) -> Result<(), Failure> {
     io::check_cloud_output(&args.output)?;
+    io::check_holds(&args.output, "heights")?;
     let added = [Column::new(names::HEIGHT_ABOVE_GROUND, Values::F32(Vec::new()))];
     io::check_dimensions(&args.input, &args.output, &added)?;
     let params = product_params(&args.ground)?;

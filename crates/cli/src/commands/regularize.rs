@@ -21,6 +21,10 @@ struct Summary {
 
 pub(crate) fn run(args: &Regularize, context: &Context<'_>) -> Result<(), Failure> {
     io::check_cloud_output(&args.output)?;
+    if let Some(name) = &args.to {
+        io::check_dimension_name(&args.output, name)?;
+        io::check_holds(&args.output, &format!("the dimension {name}"))?;
+    }
     io::check_dimensions(&args.input, &args.output, &added(args, (Vec::new(), Vec::new())))?;
     let params = params(args)?;
     let classes = match args.probabilities.is_empty() {

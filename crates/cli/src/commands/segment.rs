@@ -18,6 +18,7 @@ pub(crate) const CLUSTER: &str = "ClusterID";
 
 pub(crate) fn run(args: &Segment, context: &Context<'_>) -> Result<(), Failure> {
     io::check_cloud_output(&args.output)?;
+    io::check_holds(&args.output, "segments")?;
     let names = (0..=args.levels.len()).map(|l| if l == 0 { CLUSTER.into() } else { format!("{CLUSTER}_L{l}") });
     let params = settings(&args.segments)?;
     // `suggest` describes segments of every method by the neighbourhoods of their points.

@@ -34,6 +34,7 @@ pub struct FilterReport {
 /// If a file cannot be read or written, and as [`filter`].
 pub fn filter_file(input: &Path, output: &Path, params: &FilterParams, options: &WriteOptions) -> Result<FilterReport> {
     io::check_cloud_output(output)?;
+    io::check_holds(output, "the points that are left")?;
     params.validate()?;
     let monitor = &options.monitor;
     let wanted = [names::CLASSIFICATION, names::WITHHELD, names::HEIGHT_ABOVE_GROUND].map(String::from).to_vec();

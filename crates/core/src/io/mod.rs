@@ -164,10 +164,45 @@ pub fn check_cloud_output(path: &Path) -> Result<()> {
 /// work.
 ///
 /// # Errors
-/// If the input has a dimension of the same name and another type, or records would become too long.
+/// If two of them have one name, the input has a dimension of the same name and another type, or records would become
+/// too long.
 pub fn check_dimensions(input: &Path, output: &Path, added: &[Column]) -> Result<()> {
+    for (number, column) in added.iter().enumerate() {
+        if added[..number].iter().any(|other| other.name == column.name) {
+            let expected = "a name that no other dimension of the result has";
+            return Err(Error::parameter("dimension", &column.name, expected));
+        }
+    }
     match is_las_name(output) && format_of(input)? == Format::Las {
         true => las::check_dimensions(input, output, added),
+        false => Ok(()),
+    }
+}
+
+/// Fails if a result may not be written to a dimension of this name: those of coordinates and of the fields of LAS are taken.
+/// In other formats than LAS their usual spellings are too, which are read as these fields.
+///
+/// # Errors
+/// If the name is taken.
+pub fn check_dimension_name(output: &Path, name: &str) -> Result<()> {
+    let field = if is_las_name(output) { name.to_string() } else { table::known::name(name) };
+    match table::known::is_taken(name) || las::is_field(&field) {
+        true => Err(Error::parameter("dimension", name, "a name that neither coordinates nor fields of LAS have")),
+        false => Ok(()),
+    }
+}
+
+/// Fails if a result could not be stored in a file of this name, because it holds nothing but classes; `what` names the
+/// result.
+///
+/// # Errors
+/// If the name is that of a file of labels.
+pub fn check_holds(path: &Path, what: &str) -> Result<()> {
+    match is_label_name(path) {
+        true => Err(Error::OutputName {
+            path: path.to_path_buf(),
+            reason: format!("such a file holds classes only, not {what}; use another format"),
+        }),
         false => Ok(()),
     }
 }

@@ -29,6 +29,11 @@ pub(super) use write::step::moved_by_scale;
 pub(super) use write::{check_finite, write};
 pub use write::{las_frame, las_wkt};
 
+/// Whether some point format has a field of this name.
+pub(super) fn is_field(name: &str) -> bool {
+    (0..=10).any(|format| fields::Field::named(name, format).is_some())
+}
+
 /// Whether a file starts like LAS and LAZ files.
 pub(super) fn is_las(path: &std::path::Path) -> crate::error::Result<bool> {
     use std::io::Read;

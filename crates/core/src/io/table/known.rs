@@ -39,15 +39,38 @@ const KNOWN: [(&str, &str); 33] = [
     ("entropy", names::ENTROPY),
 ];
 
+/// Names of coordinates, of colours in one array, and of what npz files hold about the whole cloud.
+const TAKEN: [&str; 14] = [
+    "x",
+    "y",
+    "z",
+    "xyz",
+    "points",
+    "coordinates",
+    "coords",
+    "pos",
+    "rgb",
+    "color",
+    "colors",
+    "colours",
+    "crs",
+    "metres_per_unit",
+];
+
 /// PDAL's name of a column, or the name itself. Case and underscores are ignored.
 pub fn name(given: &str) -> String {
     let plain: String = given.chars().filter(|c| *c != '_').flat_map(char::to_lowercase).collect();
     KNOWN.iter().find(|(name, _)| *name == plain).map_or_else(|| given.to_string(), |(_, known)| (*known).to_string())
 }
 
+/// Whether some format has something else than a dimension of its own under this name. Case is ignored.
+pub(in crate::io) fn is_taken(name: &str) -> bool {
+    TAKEN.contains(&name.to_lowercase().as_str())
+}
+
 #[cfg(test)]
 mod tests {
-    use super::name;
+    use super::{is_taken, name};
 
     #[test]
     fn usual_spellings_are_known_and_others_stay() {
@@ -55,5 +78,6 @@ mod tests {
         assert_eq!(name("gps_time"), "GpsTime");
         assert_eq!(name("Label"), "Classification");
         assert_eq!(name("normal_x"), "normal_x");
+        assert!(["x", "Y", "xyz"].into_iter().all(is_taken) && !is_taken("normal_x"));
     }
 }

@@ -9,7 +9,8 @@ pub(super) mod tree;
 
 use super::nearest::Neighbours;
 use crate::cloud::Positions;
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::memory;
 use crate::parallel::{Monitor, map_ordered_with, watched};
 use pulp::{Arch, Simd, WithSimd};
 use rank::Rows;
@@ -172,22 +173,27 @@ impl WithSimd for Places<'_> {
 /// Allocates a table, after a check that enough memory is free.
 fn room<T>(rows: usize, k: usize) -> Result<Vec<T>> {
     let mut table = Vec::new();
-    let fits = rows.checked_mul(k).is_some_and(|n| table.try_reserve_exact(n).is_ok());
-    if fits {
-        Ok(table)
-    } else {
-        Err(Error::parameter("k", k, format!("a table of {rows} rows that fits into memory")))
-    }
+    memory::reserve(&mut table, rows.saturating_mul(k), &format!("the {k} nearest neighbours of {rows} points"))?;
+    Ok(table)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::cloud::{Cloud, Points};
+    use crate::error::Error;
     use crate::random::stream;
 
     fn points(rows: &[[f64; 3]]) -> Positions {
         Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0).positions
+    }
+
+    #[test]
+    fn a_table_that_does_not_fit_tells_the_memory_that_it_needs() {
+        for rows in [1 << 42, usize::MAX] {
+            let error = room::<u32>(rows, 10).unwrap_err();
+            assert!(matches!(&error, Error::Memory { what, .. } if what.contains("10 nearest neighbours")), "{error}");
+        }
     }
 
     fn brute_force(points: &Positions, at: [f32; 3], but: Option<usize>) -> Vec<(f32, u32)> {
