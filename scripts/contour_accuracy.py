@@ -183,11 +183,11 @@ def report(stage, name, curve):
 
 
 def point_curves(made):
-    """Curves of forests on parts of the features, taught by other scenes."""
+    """Curves of forests on parts of the features, taught by other scenes, and of the built-in model's two classifiers."""
     from sklearn.ensemble import RandomForestClassifier
 
     others = {kind: contours.synthetic_scene(kind, random_state=SEEDS[1]) for kind in KINDS}
-    (known, labels), (table, truth) = (points_of(part) for part in (others, made))
+    (known, labels), (table, truth) = (points_of(part, scaled_features) for part in (others, made))
     names = scansion.features.names(first_scale=0.05)
     curvature = [name for name in names if name.startswith("SurfaceVariation")]
     one = [f"{name}_r0p1" for name in ("SurfaceVariation", "FirstMoment", "SecondMoment")]
@@ -204,11 +204,19 @@ def point_curves(made):
             known[:, columns], labels
         )
         found[title] = precision_recall(forest.predict_proba(table[:, columns])[:, 1], truth)
+    model = scansion.PointClassifier.load(ROOT / "crates/core/assets/contours.model")
+    rated, truth = points_of(made, lambda cloud, _: model.predict_proba(cloud)[:, 1:])
+    found["the built-in model"] = precision_recall(rated[:, 0], truth)
     return found
 
 
-def points_of(made):
-    """Features of labelled points of scenes, and whether they are on contours."""
+def scaled_features(cloud, voxel):
+    """Features of all points, with voxels of 0.1 m."""
+    return features(scansion.PointCloud(cloud.xyz * (0.1 / voxel)))[0]
+
+
+def points_of(made, describe):
+    """Values of labelled points of scenes, by a function of cloud and voxel, and whether they are on contours."""
     tables, truth = [], []
     for scene in made.values():
         voxel = contours.stages(scene.cloud).voxel
@@ -216,8 +224,7 @@ def points_of(made):
         labels = contours.labels(scene.cloud, dense, voxel=voxel)
         labels[(contours.labels(scene.cloud, sparse, voxel=voxel) != 0) & (labels == 0)] = -1
         rows = np.random.default_rng(0).permutation(np.flatnonzero(labels >= 0))[:30_000]
-        table, _ = features(scansion.PointCloud(scene.cloud.xyz * (0.1 / voxel)))
-        tables.append(table[rows])
+        tables.append(describe(scene.cloud, voxel)[rows])
         truth.append(labels[rows] == 1)
     return np.concatenate(tables), np.concatenate(truth)
 
