@@ -32,9 +32,7 @@ use super::regularise::{Regularise, RegulariseParams};
 use super::system::{Fitted, Nothing, SharedSettings, System, TrainOptions, TrainingResult};
 use super::training::samples::TrainingParams;
 use crate::classification::{BoostingParams, ForestParams};
-use crate::contours::{
-    CandidateParams, MatchParams, NeighbourhoodParams, RidgeParams, SeedParams, TangentParams, TraceParams,
-};
+use crate::contours::{CandidateParams, MatchParams, TangentParams, TraceParams};
 use crate::error::{Error, Result};
 use crate::features::{ContextParams, FeatureSet, PyramidParams};
 use crate::parallel::Monitor;
@@ -161,24 +159,12 @@ impl Default for ContoursRecipe {
             least_rated: 0.02,
             boosting: BoostingParams::default(),
             tangents: TangentParams::default(),
-            candidates: likely_candidates(),
+            candidates: CandidateParams::default(),
             examples: CandidateTraining::default(),
             candidate_forest: ForestParams { trees: 50, max_depth: Some(12), ..ForestParams::default() },
             trace: TraceParams::default(),
             regularise: RegulariseParams::default(),
         }
-    }
-}
-
-/// Candidates along points that two classifiers find likely: the second rates points more sharply than the thesis's forest
-/// alone, so that less likely ones lie beside the edge.
-fn likely_candidates() -> CandidateParams {
-    let given = CandidateParams::default();
-    CandidateParams {
-        ridge: RidgeParams { least: 0.6, ..given.ridge },
-        neighbourhood: NeighbourhoodParams { keep: 0.6, ..given.neighbourhood },
-        seeds: SeedParams { threshold: 0.7, ..given.seeds },
-        ..given
     }
 }
 
