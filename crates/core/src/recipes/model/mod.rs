@@ -498,8 +498,8 @@ mod tests {
         let text = br#"\"version\":1"#;
         let place = find(&bytes, text).unwrap() + text.len() - 1;
         let mut newer = bytes;
-        newer[place] = b'7';
-        assert!(matches!(read(&newer), Err(Error::Unsupported { reason, .. }) if reason.contains("version 7")));
+        newer[place] = b'8';
+        assert!(matches!(read(&newer), Err(Error::Unsupported { reason, .. }) if reason.contains("version 8")));
     }
 
     #[test]
