@@ -234,7 +234,6 @@ fn a_result_that_would_be_lost_or_replace_a_field_is_refused() {
         vec!["classify", "a.laz", "--to", "Mine"],
         vec!["height", "a.laz"],
         vec!["segment", "a.laz"],
-        vec!["suggest", "a.laz"],
         vec!["features", "a.laz", "--only", "Planarity"],
         vec!["filter", "a.laz", "--classes", "2"],
     ] {

@@ -23,7 +23,6 @@ pub(crate) fn run(args: &Suggest, context: &Context<'_>) -> Result<(), Failure> 
             io::check_output(path)?;
         } else {
             io::check_cloud_output(path)?;
-            io::check_holds(path, "segments")?;
             io::check_dimensions(&args.input, path, &[Column::new(CLUSTER, Values::U32(Vec::new()))])?;
         }
     }
