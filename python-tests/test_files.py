@@ -310,7 +310,7 @@ def test_units_and_systems_are_kept_or_their_loss_is_told(tmp_path, recwarn):
     assert "not kept: the unit of 0.3048 m" in losses("a.ply", feet)[0]
     system = scansion.PointCloud(feet.xyz, crs="EPSG:2154")
     assert losses("b.laz", system) == [] and losses("b.labels", scansion.PointCloud(system, Classification=[2, 2, 2])) == []
-    assert "the coordinate reference system" in losses("b.txt", system)[0]
+    assert "the coordinate reference system" in losses("d.txt", system)[0]
     system.metres_per_unit = 0.3048
     assert "the unit of 0.3048 m" in losses("b.laz", system)[0]
     assert losses("c.ply", scansion.PointCloud(feet.xyz, metres_per_unit=1.0)) == []
