@@ -174,7 +174,8 @@ pub fn unknown_vertical(crs: &str) -> Option<String> {
 /// What is wrong with a text such as `EPSG:7405+5703`: its second part is no code, or its first has heights of its own.
 pub fn contradiction(crs: &str) -> Option<String> {
     let (code, (_, second)) = (epsg_code(crs)?, crs.split_once('+')?);
-    let (shown, plain): (String, _) = (crs.chars().take(60).collect(), format!("EPSG:{code}"));
+    let shown: String = crs.chars().take(60).collect();
+    let plain = format!("EPSG:{code}");
     let Ok(second) = second.trim().parse::<u16>() else {
         return Some(format!("{shown}: expected the code of a vertical system after the +, as in {plain}+5703"));
     };

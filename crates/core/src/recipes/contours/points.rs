@@ -266,11 +266,12 @@ mod tests {
         assert!(kept > once.len() / 10 && changed > once.len() / 10, "{kept} kept, {changed} changed");
         // Precision where as many points are taken for contours as there are.
         let precision = |likelihoods: &[f32]| {
-            let labelled = |(i, &p): (usize, &f32)| unseen.labels.codes[i].map(|code| (p, code == 1));
-            let mut rows: Vec<(f32, bool)> = likelihoods.iter().enumerate().filter_map(labelled).collect();
-            rows.sort_by(|a, b| b.0.total_cmp(&a.0));
-            let all = rows.iter().filter(|row| row.1).count();
-            rows[..all].iter().filter(|row| row.1).count() as f64 / all as f64
+            let codes = &unseen.labels.codes;
+            let mut labelled: Vec<usize> = (0..codes.len()).filter(|&point| codes[point].is_some()).collect();
+            labelled.sort_by(|&a, &b| likelihoods[b].total_cmp(&likelihoods[a]));
+            let on = |points: &[usize]| points.iter().filter(|&&point| codes[point] == Some(1)).count();
+            let all = on(&labelled);
+            on(&labelled[..all]) as f64 / all as f64
         };
         let [before, after] = [precision(&once), precision(&twice)];
         assert!(after > before, "{before} {after}");

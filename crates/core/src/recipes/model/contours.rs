@@ -10,7 +10,8 @@ use crate::recipes::contours::{ContourModel, ContourParams, ContourStages, Conto
 /// Lines along the edges of objects.
 ///
 /// The model is one of the recipe `contours`. Results are the same for any number of threads. O(n log n) for n points; 80
-/// bytes a point, and about 2 kB for each seed of a line, of which a voxel along an edge has one.
+/// bytes a point, about 250 more for each of up to a million points whose surroundings are described at a time, and about
+/// 2 kB for each seed of a line, of which a voxel along an edge has one.
 ///
 /// # Errors
 /// If the model is of another recipe, the cloud has no points with finite coordinates or lacks a column, there is not one
