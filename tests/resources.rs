@@ -167,11 +167,13 @@ fn too_little_memory_is_an_error_that_leaves_nothing_behind() {
     let f = folder.path();
     io::write(&f.join("a.laz"), &street(60.0, 4), &Default::default()).unwrap();
     std::fs::copy(demo_scan(), f.join("demo.laz")).unwrap();
-    let works: [&[&str]; 4] = [
+    let works: [&[&str]; 6] = [
         &["classify", "a.laz", "-o", "out.laz"],
         &["features", "a.laz", "-o", "out.npy"],
         &["train", "a.laz", "-o", "out.model", "--set", "forest.trees=5"],
         &["convert", "a.laz", "out.txt"],
+        &["segment", "a.laz", "-o", "out.laz"],
+        &["segment", "a.laz", "--method", "vccs", "-o", "out.laz"],
     ];
     for work in works {
         let (mut refused, mut amount) = (0, false);
@@ -198,6 +200,25 @@ fn too_little_memory_is_an_error_that_leaves_nothing_behind() {
         }
         assert!(refused > 0 && amount, "{work:?}: {refused} limits were too small");
     }
+}
+
+/// The comparison needs the cloud twice; it is left out where there is no room for it.
+#[test]
+fn a_conversion_that_ends_with_an_error_leaves_no_output() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    io::write(&f.join("a.laz"), &street(150.0, 4), &Default::default()).unwrap();
+    let mut codes = Vec::new();
+    for step in 0..80 {
+        let output = limited(LEAST + 1_000 * step, f, &["convert", "a.laz", "out.npz"]);
+        let (code, there) = (output.status.code(), f.join("out.npz").exists());
+        assert_eq!(there, code == Some(0), "{} kB: {}", LEAST + 1_000 * step, stderr(&output));
+        if there {
+            std::fs::remove_file(f.join("out.npz")).unwrap();
+        }
+        codes.push((code, stderr(&output).contains("not compared")));
+    }
+    assert!(codes.contains(&(Some(1), false)) && codes.contains(&(Some(0), true)), "{codes:?}");
 }
 
 #[test]

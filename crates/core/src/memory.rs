@@ -33,7 +33,15 @@ pub fn filled<T: Clone>(value: T, count: usize, what: &str) -> Result<Vec<T>> {
 /// # Errors
 /// The message says for what, how much is needed, and how much is free.
 pub fn require(needed: u64, what: &str) -> Result<()> {
-    let missing = needed >= SMALL && free().is_some_and(|free| needed > free);
+    if needed < SMALL { Ok(()) } else { spare(needed, what) }
+}
+
+/// As [`require`], also for a few bytes: for work that can be left out, such as a check of what is already written.
+///
+/// # Errors
+/// As [`require`].
+pub fn spare(needed: u64, what: &str) -> Result<()> {
+    let missing = free().is_some_and(|free| needed > free);
     if missing { Err(short(needed, what)) } else { Ok(()) }
 }
 
@@ -98,6 +106,10 @@ mod tests {
         assert!(message.starts_with("not enough memory for the edges of a graph: 8388608.0 GiB"), "{message}");
         assert!(filled(0u8, usize::MAX, "x").is_err());
         assert_eq!(filled(7u8, 3, "x").unwrap(), [7; 3]);
+        assert!(spare(1, "x").is_ok());
+        if let Some(free) = free() {
+            assert!(spare(free.saturating_mul(2), "x").is_err());
+        }
     }
 
     #[test]

@@ -1,13 +1,15 @@
 //! Conversion between formats: keeps everything that the target format can store and reports the rest.
 
 use super::diff::compare;
-use crate::cloud::crs;
+use crate::cloud::{Cloud, crs};
 use crate::error::{Error, Result};
 use crate::io::atomic::check_place;
+use crate::io::table::number::Kind;
 use crate::io::{
     Bounds, ReadOptions, RewriteReport, WriteOptions, check_target, inspect, is_label_name, is_las_name, las,
     read_with, run, write,
 };
+use crate::memory;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -81,8 +83,9 @@ fn convert_any(input: &Path, output: &Path, params: &ConvertParams, options: &Wr
         let notes = vec!["not kept: all but the classes".into()];
         return Ok(RewriteReport { points: cloud.len() as u64, notes });
     }
-    let back = read_with(output, &ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() });
-    let mut notes = match back.and_then(|back| losses(&cloud, &back, options)) {
+    let again = || read_with(output, &ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() });
+    let room = memory::spare(2 * bytes(&cloud), "the cloud that was written");
+    let mut notes = match room.and_then(|()| again()).and_then(|back| losses(&cloud, &back, options)) {
         // The output is complete; only the comparison needs the cloud in memory twice.
         Err(e @ Error::Memory { .. }) => vec![format!("not compared with the input: {e}")],
         found => found?,
@@ -91,6 +94,12 @@ fn convert_any(input: &Path, output: &Path, params: &ConvertParams, options: &Wr
         notes.push(format!("not kept: {}", records.join(", ")));
     }
     Ok(RewriteReport { points: cloud.len() as u64, notes })
+}
+
+/// Memory of a cloud, with coordinates as floating-point numbers.
+fn bytes(cloud: &Cloud) -> u64 {
+    let width = cloud.columns().iter().fold(24, |sum, column| sum + Kind::of(&column.values).size());
+    cloud.len() as u64 * width as u64
 }
 
 /// Variable length records of a LAS file with information beyond columns and reference system.
@@ -109,7 +118,7 @@ pub(super) fn rounded(name: &str, points: u64, largest: f64) -> String {
 }
 
 /// Differences between the cloud and what was written.
-fn losses(cloud: &crate::Cloud, back: &crate::Cloud, options: &WriteOptions) -> Result<Vec<String>> {
+fn losses(cloud: &Cloud, back: &Cloud, options: &WriteOptions) -> Result<Vec<String>> {
     let found = compare(cloud, back, &options.monitor)?;
     let mut notes = Vec::new();
     if found.points[0] != found.points[1] {
