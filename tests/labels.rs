@@ -563,3 +563,42 @@ fn codes_above_255_are_mapped_and_sweeps_of_semantic_kitti_are_learned() {
     });
     assert!(same.count() as f64 > 0.9 * cloud.len() as f64, "classes are right, and instances stay");
 }
+
+#[test]
+fn codes_of_maps_and_lists_that_no_point_has_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    for (name, house) in [("a.ply", 6), ("b.ply", 9)] {
+        write(&f.join(name), coded(16.0, 1, [2, 5, house]));
+    }
+    let told = |arguments: &[&str]| done(f, arguments).1;
+    let train = [&["train", "a.ply", "b.ply", "-o", "m.model", "--map", "77=5,9=6"][..], &QUICK].concat();
+    for (arguments, option) in [
+        (&train[..], "--map"),
+        (&["evaluate", "a.ply", "a.ply", "--map", "77=5"], "--map"),
+        (&["evaluate", "a.ply", "b.ply", "--map-truth", "6=9,77=5"], "--map-truth"),
+        (&["evaluate", "a.ply", "b.ply", "--map-predicted", "9=6,77=5"], "--map-predicted"),
+        (&["segment", "a.ply", "-o", "s.ply", "--map", "77=5"], "--map"),
+        (&["suggest", "a.ply", "-o", "s.csv", "--map", "77=5"], "--map"),
+        (&["render", "a.ply", "--truth", "a.ply", "-o", "r.png", "--map", "77=5"], "--map"),
+        (&["render", "a.ply", "--truth", "a.ply", "-o", "r.png", "--map-predicted", "77=5"], "--map-predicted"),
+    ] {
+        let text = told(arguments);
+        assert!(
+            text.contains(&format!("warning: {option} changes no point of 77 (found: 2, 5")),
+            "{arguments:?}: {text}"
+        );
+    }
+    let text = told(&["evaluate", "a.ply", "b.ply", "--map-truth", "6=9"]);
+    assert!(!text.contains("changes no point"), "{text}");
+    let text = told(&["render", "a.ply", "--truth", "a.ply", "--classes", "2,64", "-o", "r.png"]);
+    assert!(text.contains("--classes asks for 64"), "{text}");
+    let text = told(&["filter", "a.ply", "--drop-classes", "64,5", "-o", "f.ply"]);
+    assert!(text.contains("no point has class 64"), "{text}");
+    // A map for both sides that changes the drawn cloud is as unclear as in evaluate.
+    for verb in [&["evaluate", "b.ply", "a.ply"][..], &["render", "a.ply", "--truth", "b.ply", "-o", "both.png"]] {
+        let text = fails(f, &[verb, &["--map", "9=6,5=6"]].concat());
+        assert!(text.contains("it has code 5") && text.contains("--map-truth 9=6,5=6"), "{text}");
+        assert!(!f.join("both.png").exists());
+    }
+}

@@ -25,7 +25,8 @@ pub(crate) struct Render {
     /// With --truth: a colour for each pair of a true class and another
     #[arg(long, requires = "truth")]
     pub(crate) changes: bool,
-    /// With --truth: change codes of both before the comparison, e.g. 3-4=5; may be repeated
+    /// With --truth: change codes of the truth before the comparison, e.g. 3-4=5; refused if the drawn cloud has one of
+    /// them; may be repeated
     #[arg(long, value_name = "OLD=NEW,...", requires = "truth")]
     pub(crate) map: Vec<String>,
     /// With --truth: change codes of the truth only; may be repeated

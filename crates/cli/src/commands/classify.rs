@@ -88,7 +88,7 @@ fn builtin(args: &Classify) -> bool {
 fn tell_unused(model: &Model, map: &LabelMap, args: &Classify, context: &Context<'_>) -> Result<(), Failure> {
     let given = given(model, args, context)?;
     // Besides the classes: codes of points without a class, and of stray points.
-    let known = [given.codes(), vec![given.free_code(), 0, 1, 7]].concat();
+    let known = [given.codes(), vec![given.free_code(), 0, 1, 7]].concat().into_iter().map(u32::from).collect();
     let unused = map.unused(&known);
     if !unused.is_empty() {
         let classes: Vec<String> =

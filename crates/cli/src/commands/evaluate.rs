@@ -1,6 +1,6 @@
 //! `scansion evaluate`: compares a classification with the truth.
 
-use super::labels::LabelSource;
+use super::labels::{LabelSource, unused};
 use super::{Context, sources};
 use crate::args::{Evaluate, Format};
 use crate::exit_code::Failure;
@@ -13,6 +13,7 @@ use scansion_core::io::{self, atomic};
 use scansion_core::recipes::{self, ClassifyParams, LabelParams, Labels, read_labels};
 use scansion_core::segmentation::Partition;
 use scansion_core::{Error, images};
+use std::collections::BTreeSet;
 use std::path::Path;
 
 pub(crate) fn run(args: &Evaluate, context: &Context<'_>) -> Result<(), Failure> {
@@ -22,11 +23,14 @@ pub(crate) fn run(args: &Evaluate, context: &Context<'_>) -> Result<(), Failure>
     let maps = Maps::new(args, &source)?;
     let cloud = io::read_with(&args.truth, &context.read_options())?;
     let truth = source.read_mapped((&args.truth, &cloud), &maps.truth, context)?;
-    source.absent(std::iter::once(&truth)).iter().for_each(|text| context.printer.warning(text));
+    let absent = source.absent(std::iter::once(&truth));
+    absent.into_iter().chain(source.unused()).for_each(|text| context.printer.warning(&text));
     if let Some(cell) = args.segmentation_error {
         return segments((args, cell), (&cloud, &truth), context);
     }
-    let predicted = maps.predicted(&predicted(args, &cloud, context)?, &args.labels.map.join(","))?;
+    let predicted = predicted(args, &cloud, context)?;
+    maps.unused_of(&predicted).iter().for_each(|text| context.printer.warning(text));
+    let predicted = maps.predicted(&predicted, &args.labels.map.join(","))?;
     if predicted.len() != truth.codes.len() {
         let text = format!(
             "{} points in the truth, {} in the prediction; both must be the same points in the same order",
@@ -102,6 +106,8 @@ struct Maps {
     truth: LabelMap,
     /// `None`: only `--map` applies.
     predicted: Option<LabelMap>,
+    /// The option that the prediction's map is from.
+    option: &'static str,
 }
 
 impl Maps {
@@ -122,8 +128,14 @@ impl Maps {
         let asked = truth.is_some() || predicted.is_some();
         // If one side has its own map, the other side uses --map, or none.
         let map: LabelMap = args.labels.map.join(",").parse()?;
+        let of_file = args.prediction.as_deref().is_some_and(|path| source.own_map(path).is_some());
+        let option = match predicted.is_some() {
+            true if of_file => "--map-of",
+            true => "--map-predicted",
+            false => "--map",
+        };
         let predicted = predicted.or_else(|| asked.then(|| map.clone()));
-        Ok(Self { truth: truth.unwrap_or(map), predicted })
+        Ok(Self { truth: truth.unwrap_or(map), predicted, option })
     }
 
     /// The prediction's codes. A map for both sides must not change them, because the intention would be unclear.
@@ -131,19 +143,36 @@ impl Maps {
         if let Some(own) = &self.predicted {
             return Ok(codes.iter().map(|code| code.map(|c| own.apply(c))).collect());
         }
-        let both: LabelMap = map.parse()?;
-        let changed = (0..=255u8).find(|&code| both.apply(code) != code && codes.contains(&Some(code)));
-        match changed {
-            None => Ok(codes.to_vec()),
-            Some(code) => Err(Error::parameter(
-                "map",
-                map,
-                format!(
-                    "a map that leaves the prediction's codes as they are, but it has code {code}; use --map-truth \
-                     {map} to change the truth only, and --map-predicted {map} as well to change both"
-                ),
-            )),
-        }
+        check_common_map(map, &present(codes))?;
+        Ok(codes.to_vec())
+    }
+
+    /// Codes in the prediction's own map that it does not have, in words.
+    fn unused_of(&self, codes: &[Option<u8>]) -> Option<String> {
+        self.predicted.as_ref().and_then(|map| unused(map, &present(codes), self.option))
+    }
+}
+
+fn present(codes: &[Option<u8>]) -> BTreeSet<u32> {
+    let mut found = [false; 256];
+    codes.iter().flatten().for_each(|&code| found[usize::from(code)] = true);
+    (0u32..).zip(found).filter(|(_, found)| *found).map(|(code, _)| code).collect()
+}
+
+/// Fails if a map for both sides would change one of the prediction's codes, because the intention would be unclear.
+pub(super) fn check_common_map(text: &str, codes: &BTreeSet<u32>) -> Result<(), Error> {
+    let map: LabelMap = text.parse()?;
+    let changes = |code: &u32| map.of_value(f64::from(*code)).is_some_and(|new| u32::from(new) != *code);
+    match codes.iter().copied().find(changes) {
+        None => Ok(()),
+        Some(code) => Err(Error::parameter(
+            "map",
+            text,
+            format!(
+                "a map that leaves the prediction's codes as they are, but it has code {code}; use --map-truth {text} to \
+                 change the truth only, and --map-predicted {text} as well to change both"
+            ),
+        )),
     }
 }
 

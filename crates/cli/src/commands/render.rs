@@ -1,6 +1,7 @@
 //! `scansion render`: draws a map or an oblique view as PNG.
 
-use super::evaluate::same_places;
+use super::evaluate::{check_common_map, same_places};
+use super::labels::{absent, codes_of, unused};
 use super::{Context, sources};
 use crate::args::{Render, ViewArg};
 use crate::exit_code::Failure;
@@ -75,10 +76,10 @@ fn differences(cloud: &mut Cloud, (truth, args): (&Path, &Render), context: &Con
     let path = truth.display();
     let truth = io::read_with(truth, &context.read_options())?;
     let missing = || Error::input(format!("{path} has no {} to compare with", names::CLASSIFICATION));
-    truth.column(names::CLASSIFICATION).ok_or_else(missing)?;
-    let map_of = |own: &[String]| if own.is_empty() { &args.map[..] } else { own }.join(",").parse::<LabelMap>();
+    let codes = codes_of(&truth.column(names::CLASSIFICATION).ok_or_else(missing)?.values);
+    let (option, map) = if args.map.is_empty() { ("--map-truth", &args.map_truth) } else { ("--map", &args.map) };
     let params = LabelParams {
-        map: map_of(&args.map_truth)?,
+        map: map.join(",").parse()?,
         unlabelled: args.unlabelled.codes(),
         classes: args.classes.clone(),
         ..LabelParams::default()
@@ -88,14 +89,19 @@ fn differences(cloud: &mut Cloud, (truth, args): (&Path, &Render), context: &Con
         return Err(Error::input(format!("{path} has {} points, not {}", truth.len(), cloud.len())).into());
     }
     same_places(&truth, cloud)?;
+    let unused_of_truth = unused(&params.map, &codes, option);
+    let warnings = absent(&args.classes, &labels.counts()).into_iter().chain(unused_of_truth);
+    warnings.for_each(|text| context.printer.warning(&text));
     let codes = labels.codes.iter().map(|code| code.map_or(-1, i16::from)).collect();
     cloud.set_column(Column::new("Truth", Values::I16(codes)))?;
-    let map = map_of(&args.map_predicted)?;
     let found = cloud
         .column(names::CLASSIFICATION)
-        .map(|column| column.values.to_f64())
+        .map(|column| &column.values)
         .ok_or_else(|| Error::input(format!("no {} to compare with {path}", names::CLASSIFICATION)))?;
-    let mapped = found.into_iter().map(|value| map.of_value(value).map_or(value, f64::from)).collect();
+    let (map, codes) = (args.map_predicted.join(",").parse::<LabelMap>()?, codes_of(found));
+    check_common_map(&args.map.join(","), &codes)?;
+    unused(&map, &codes, "--map-predicted").iter().for_each(|text| context.printer.warning(text));
+    let mapped = found.to_f64().into_iter().map(|value| map.of_value(value).map_or(value, f64::from)).collect();
     cloud.set_column(Column::new("Predicted", Values::F64(mapped)))?;
     let (truth, prediction, classes) = ("Truth".into(), "Predicted".into(), Vec::new());
     Ok(match args.changes {

@@ -66,7 +66,7 @@ pub(crate) fn parted(
         true => Some(source.read(input, &cloud, context)?).filter(|l| l.unlabelled < cloud.len() as u64),
         false => None,
     };
-    source.absent(labels.iter()).iter().for_each(|text| context.printer.warning(text));
+    source.absent(labels.iter()).into_iter().chain(source.unused()).for_each(|text| context.printer.warning(&text));
     let found = recipes::segment(&cloud, labels.as_ref(), &settings, &context.monitor)?;
     Ok((cloud, labels, found))
 }

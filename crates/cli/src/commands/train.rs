@@ -162,7 +162,7 @@ fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<V
             (e, _) => e,
         })?;
         let clouds = clouds.into_iter().zip(labels).map(|(cloud, labels)| spread(args, cloud, labels));
-        return with_all_classes(&source, clouds.collect::<Result<_, Failure>>()?);
+        return with_all_classes(&source, clouds.collect::<Result<_, Failure>>()?, context);
     }
     let all = inputs.len();
     let read = |(number, path): (usize, &Path)| -> Result<LabelledCloud, Failure> {
@@ -173,11 +173,16 @@ fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<V
     };
     let clouds = inputs.into_iter().enumerate().map(read).collect::<Result<Vec<_>, Failure>>()?;
     context.monitor.file(0, 0);
-    with_all_classes(&source, clouds)
+    with_all_classes(&source, clouds, context)
 }
 
 /// The clouds, if they have all classes of `--classes`.
-fn with_all_classes(source: &LabelSource<'_>, clouds: Vec<LabelledCloud>) -> Result<Vec<LabelledCloud>, Failure> {
+fn with_all_classes(
+    source: &LabelSource<'_>,
+    clouds: Vec<LabelledCloud>,
+    context: &Context<'_>,
+) -> Result<Vec<LabelledCloud>, Failure> {
+    source.unused().iter().for_each(|text| context.printer.warning(text));
     match source.absent(clouds.iter().map(|labelled| &labelled.labels)) {
         Some(text) => Err(Error::input(text).into()),
         None => Ok(clouds),

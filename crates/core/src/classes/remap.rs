@@ -1,6 +1,7 @@
 //! Mapping of class codes, as in `--map 3=5,4=5`.
 
 use crate::error::{Error, Result};
+use std::collections::BTreeSet;
 use std::str::FromStr;
 
 /// A mapping of all codes; codes without an entry map to themselves. Codes above 255 need an entry.
@@ -42,8 +43,8 @@ impl LabelMap {
     }
 
     /// The entries of the map's text that name none of these codes, as text: `99`, `7-9`.
-    pub fn unused(&self, codes: &[u8]) -> Vec<String> {
-        let used = |[low, high]: [u32; 2]| codes.iter().any(|&code| (low..=high).contains(&u32::from(code)));
+    pub fn unused(&self, codes: &BTreeSet<u32>) -> Vec<String> {
+        let used = |[low, high]: [u32; 2]| codes.range(low..=high).next().is_some();
         let text = |[low, high]: [u32; 2]| if low == high { low.to_string() } else { format!("{low}-{high}") };
         self.entries.iter().copied().filter(|&entry| !used(entry)).map(text).collect()
     }
@@ -100,7 +101,8 @@ mod tests {
     #[test]
     fn entries_for_codes_that_do_not_occur_are_told() {
         let map: LabelMap = "3-5=4,99=4, 7-9=1,1004=6,2=2".parse().unwrap();
-        assert_eq!(map.unused(&[2, 5, 6]), ["99", "7-9", "1004"]);
-        assert!(LabelMap::default().unused(&[]).is_empty());
+        assert_eq!(map.unused(&BTreeSet::from([2, 5, 6])), ["99", "7-9", "1004"]);
+        assert_eq!(map.unused(&BTreeSet::from([2, 5, 7, 1004])), ["99"]);
+        assert!(LabelMap::default().unused(&BTreeSet::new()).is_empty());
     }
 }

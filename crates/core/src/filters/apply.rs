@@ -229,6 +229,9 @@ mod tests {
         assert!(found.count() > 100 && monitor.take_warnings() == ["no point has class 9"]);
         let dropped = run(&FilterParams { drop_classes: vec![1, 2], ..FilterParams::default() });
         assert_eq!(dropped.kept, found.kept);
+        let params = FilterParams { drop_classes: vec![64, 1], ..FilterParams::default() };
+        filter(&village(), &params, &monitor).unwrap();
+        assert_eq!(monitor.take_warnings(), ["no point has class 64"]);
         let bare = Cloud::from_rows(&[[0.0; 3]]).unwrap();
         assert!(filter(&bare, &params, &monitor).unwrap_err().to_string().contains("no classes"));
     }

@@ -7,7 +7,7 @@ use crate::parallel::Monitor;
 
 /// Whether each point has one of the classes to keep and none of those to drop.
 ///
-/// A class to keep that no point has is warned about.
+/// A class to keep or to drop that no point has is warned about.
 pub(super) fn of_classes(cloud: &Cloud, params: &FilterParams, monitor: &Monitor) -> Result<Vec<bool>> {
     let Some(column) = cloud.column(names::CLASSIFICATION) else {
         return Err(Error::input("the cloud has no classes: classify it first"));
@@ -22,8 +22,8 @@ pub(super) fn of_classes(cloud: &Cloud, params: &FilterParams, monitor: &Monitor
             wanted && !code.is_some_and(|code| params.drop_classes.contains(&code))
         }));
     }
-    let absent: Vec<String> =
-        params.classes.iter().filter(|&&code| !found[usize::from(code)]).map(u8::to_string).collect();
+    let asked = params.classes.iter().chain(&params.drop_classes);
+    let absent: Vec<String> = asked.filter(|&&code| !found[usize::from(code)]).map(u8::to_string).collect();
     if !absent.is_empty() && !cloud.is_empty() {
         monitor.warn(format!("no point has class {}", absent.join(", ")));
     }
