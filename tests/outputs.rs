@@ -51,6 +51,7 @@ fn no_command_writes_over_one_of_its_inputs() {
     // The content decides what a file is.
     std::fs::copy(f.join("a.ply"), f.join("a.png")).unwrap();
     std::fs::write(f.join("r.toml"), "seed = 3\n").unwrap();
+    std::fs::write(f.join("s.csv"), "classes = [{ code = 2, name = \"soil\" }]\n").unwrap();
     std::fs::write(f.join("l.csv"), "x,y,z,class\n1,1,0,2\n5,5,7,6\n").unwrap();
     done(f, &train(&["a.laz", "-o", "m.model"]));
     std::fs::copy(f.join("m.model"), f.join("m.laz")).unwrap();
@@ -58,7 +59,7 @@ fn no_command_writes_over_one_of_its_inputs() {
     std::fs::hard_link(f.join("a.laz"), f.join("hard.laz")).unwrap();
     symlink("a.csv", f.join("soft.csv")).unwrap();
     let before = contents(f);
-    let runs: [(Vec<&str>, [&str; 2]); 26] = [
+    let runs: [(Vec<&str>, [&str; 2]); 28] = [
         (train(&["a.laz", "-o", "a.laz"]), ["a.laz"; 2]),
         (train(&["b.laz", "a.laz", "-o", "soft.laz"]), ["a.laz", "soft.laz"]),
         (train(&["a.laz", "-o", "hard.laz"]), ["a.laz", "hard.laz"]),
@@ -72,6 +73,8 @@ fn no_command_writes_over_one_of_its_inputs() {
         (vec!["evaluate", "a.csv", "b.csv", "-o", "a.csv"], ["a.csv"; 2]),
         (vec!["evaluate", "a.csv", "b.csv", "-o", "./b.csv"], ["b.csv", "./b.csv"]),
         (vec!["evaluate", "a.csv", "-m", "m.model", "-o", "soft.csv"], ["a.csv", "soft.csv"]),
+        (vec!["evaluate", "a.csv", "b.csv", "--scheme", "s.csv", "-o", "s.csv"], ["s.csv"; 2]),
+        (vec!["evaluate", "a.csv", "b.csv", "--scheme", "s.csv", "-o", "./s.csv", "--overwrite"], ["s.csv", "./s.csv"]),
         (vec!["render", "a.png", "-o", "a.png"], ["a.png"; 2]),
         (vec!["render", "a.laz", "--truth", "a.png", "-o", "./a.png"], ["a.png", "./a.png"]),
         (vec!["features", "a.csv", "-o", "a.csv"], ["a.csv"; 2]),

@@ -148,20 +148,22 @@ pub(crate) fn dispatch(args: &mut Args, printer: &Printer) -> Result<(), Failure
 /// Runs the command on files.
 fn run_in_pool(args: &Args, running: &Interruptible, printer: &Printer) -> Result<(), Failure> {
     let (unit, scale) = (args.command.unit(), args.command.scale().map_err(Failure::Usage)?);
-    let naming = Naming::new(&args.global)?;
-    let context = Context { printer, monitor: running.monitor(), unit, scale, columns: &args.global.columns, naming };
-    let progress = Progress::watch(&context.monitor, &args.global);
+    let monitor = running.monitor();
+    let progress = Progress::watch(&monitor, &args.global);
     let overwrite = args.global.overwrite;
     let (replace, existing) = (args.command.replace(overwrite), args.command.existing(overwrite));
-    let rules = Rules { monitor: context.monitor.clone(), replace, existing };
+    let rules = Rules { monitor: monitor.clone(), replace, existing };
     let outcome = threads::with_pool(args.global.threads, || {
         run(rules, || {
             args.command.inputs().into_iter().for_each(expect);
-            command(&args.command, &context)
+            // The class list is an input of the run: it is not written over, and waiting for it ends with a signal.
+            let naming = Naming::new(&args.global)?;
+            let (monitor, columns) = (monitor.clone(), &args.global.columns);
+            command(&args.command, &Context { printer, monitor, unit, scale, columns, naming })
         })
     });
     drop(progress);
-    context.monitor.take_warnings().iter().for_each(|text| printer.warning(text));
+    monitor.take_warnings().iter().for_each(|text| printer.warning(text));
     outcome?
 }
 
