@@ -414,12 +414,16 @@ fn settings_and_models_come_through_pipes_and_waiting_for_one_ends_with_a_signal
     std::fs::copy(f.join("m.model"), f.join("models/pipe")).unwrap();
     done(f, &["classify", "a.laz", "-o", "p.laz", "-m", "models/pipe"]);
     assert!(std::fs::read(f.join("o.laz")).unwrap() == std::fs::read(f.join("p.laz")).unwrap());
-    for (signal, code) in [(Signal::INT, 130), (Signal::TERM, 143)] {
-        let child = start(f, &["train", "a.laz", "-o", "n.model", "--recipe", "pipe"]);
-        std::thread::sleep(Duration::from_millis(400));
-        kill_process(Pid::from_child(&child), signal).unwrap();
-        let output = ends_within(child, Duration::from_secs(5));
-        assert_eq!(output.status.code(), Some(code), "{}", text(&output.stderr));
+    for arguments in
+        [&["train", "a.laz", "-o", "n.model", "--recipe", "pipe"][..], &["info", "a.laz", "--scheme", "./pipe"]]
+    {
+        for (signal, code) in [(Signal::INT, 130), (Signal::TERM, 143)] {
+            let child = start(f, arguments);
+            std::thread::sleep(Duration::from_millis(400));
+            kill_process(Pid::from_child(&child), signal).unwrap();
+            let output = ends_within(child, Duration::from_secs(5));
+            assert_eq!(output.status.code(), Some(code), "{arguments:?}: {}", text(&output.stderr));
+        }
     }
 }
 

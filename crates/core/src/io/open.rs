@@ -140,9 +140,11 @@ fn from_pipe(path: &Path, mut pipe: File, most: u64) -> Result<Vec<u8>> {
     let patience = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
     while bytes.len() as u64 <= most {
         monitor.check()?;
-        let ready = poll(&mut [PollFd::new(&pipe, PollFlags::IN)], Some(&patience));
-        if ready.map_err(|e| Error::io(path, e.into()))? == 0 {
-            continue;
+        match poll(&mut [PollFd::new(&pipe, PollFlags::IN)], Some(&patience)) {
+            // A signal also ends the wait; whether it ends the run is checked above.
+            Ok(0) | Err(rustix::io::Errno::INTR) => continue,
+            Err(e) => return Err(Error::io(path, e.into())),
+            Ok(_) => {}
         }
         match pipe.read(&mut piece) {
             Ok(0) => break,
