@@ -53,6 +53,18 @@ fn a_unit_of_the_recipe_counts_for_the_density_too() {
 }
 
 #[test]
+fn a_class_that_is_too_rare_to_be_learned_is_named() {
+    let LabelledCloud { cloud, mut labels } = village(1);
+    labels.codes.fill(Some(2));
+    labels.codes[0] = Some(6);
+    let clouds = [LabelledCloud { cloud, labels }];
+    let message =
+        objects(&[SIZE]).train(&clouds, &TrainOptions::default(), &Monitor::default()).unwrap_err().to_string();
+    assert!(message.contains("only one class to learn, code 2"), "{message}");
+    assert!(message.contains("is left out: its 1 points are the majority of no segment"), "{message}");
+}
+
+#[test]
 fn segments_that_are_not_learned_from_are_scored() {
     let recipe = objects(&[SIZE, "training.share=0.5"]);
     let report = recipe.train(&[village(1), village(2)], &TrainOptions::default(), &Monitor::default()).unwrap().report;

@@ -92,6 +92,17 @@ fn thousands_of_columns_and_equal_names_take_no_longer_than_their_number() {
         soon(f, &["convert", file, "b.npz"], 0);
     }
     assert_eq!(io::read(&f.join("b.npz")).unwrap().columns().len(), 60_000 - 3);
+    for output in ["c.ply", "c.pcd"] {
+        let text = soon(f, &["convert", "a.xyz", output], 4);
+        assert!(text.contains(&format!("{output}: ")) && text.contains("59997 columns"), "{text}");
+        assert!(!text.contains("partial") && !f.join(output).exists(), "{text}");
+    }
+    // Columns of one name are told as they are read.
+    for file in ["a.las", "a.pcd"] {
+        let read: Vec<String> = io::read(&f.join(file)).unwrap().columns().iter().map(|c| c.name.clone()).collect();
+        assert!(read.contains(&"a".to_string()) && read.contains(&"a_2".to_string()));
+        assert_eq!(io::inspect(&f.join(file)).unwrap().dimensions, read, "{file}");
+    }
     soon(f, &["merge", "a.las", "a.las", "b.las"], 0);
     std::fs::write(f.join("wide.xyz"), many("1", 200_000)).unwrap();
     for command in [&["info", "wide.xyz"][..], &["convert", "wide.xyz", "c.npz"]] {

@@ -48,6 +48,7 @@ use crate::cloud::{Cloud, Column};
 use crate::error::{Error, Result};
 use format::{Format, check_target, extension, format_of, is_label_name, is_las_name};
 use std::path::Path;
+use table::limits::Names;
 
 /// One change made by [`rewrite`] or [`select`]; values in the order of the file.
 #[derive(Clone, Debug, PartialEq)]
@@ -262,6 +263,9 @@ pub fn inspect_with(path: &Path, text_columns: &[String]) -> Result<FileInfo> {
         Format::Text => text::inspect(path, text_columns),
         Format::Ply => ply::inspect(path),
     }?;
+    // As the columns are named when they are read.
+    let mut names = Names::default();
+    info.dimensions.iter_mut().for_each(|name| *name = names.free(name));
     info.provenance = info.provenance.or_else(|| provenance_beside(path));
     if let (None, Some(Unit::Length(metres))) = (info.metres_per_unit, info.crs.as_deref().and_then(unit_of)) {
         info.metres_per_unit = Some(metres);

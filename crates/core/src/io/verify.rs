@@ -25,7 +25,11 @@ pub(super) fn finish<R: BlockReader>(
     let read = ReadOptions { columns, monitor: options.monitor.clone(), ..ReadOptions::default() };
     let found = open(file.partial(), &read).and_then(|reader| again(reader, options)).map_err(|e| match e {
         Error::Interrupted | Error::Memory { .. } => e,
-        e => Error::input(format!("{}: what was written cannot be read: {e}", file.target().display())),
+        e => {
+            // The temporary name means nothing to the user.
+            let reason = e.to_string().replace(&format!("{}: ", file.partial().display()), "");
+            Error::input(format!("{}: what was written cannot be read: {reason}", file.target().display()))
+        }
     })?;
     let expected = (cloud.len(), cloud.bounds_watched(&options.monitor)?);
     if found.0 != expected.0 || !alike(found.1, expected.1) {
@@ -82,6 +86,7 @@ mod tests {
             file.write_all(text.as_bytes()).unwrap();
             let message = finish(file, &cloud, &WriteOptions::default(), text::Reader::open).unwrap_err().to_string();
             assert!(message.contains("a.xyz: ") && message.contains(expected), "{message}");
+            assert!(!message.contains("partial"), "{message}");
             assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
         }
         let mut file = AtomicFile::create(&path).unwrap();

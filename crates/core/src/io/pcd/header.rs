@@ -7,9 +7,9 @@ use std::io::Read;
 use std::path::Path;
 
 /// Longest header that is accepted.
-const LONGEST: u64 = 64 << 10;
+pub(super) const LONGEST: u64 = 64 << 10;
 /// Largest number of values a point; the longest descriptor of the library has 1980.
-const MOST_NUMBERS: usize = 4096;
+pub(super) const MOST_NUMBERS: usize = 4096;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {

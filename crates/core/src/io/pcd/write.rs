@@ -1,5 +1,6 @@
 //! Writing PCD.
 
+use super::header::{LONGEST, MOST_NUMBERS};
 use super::lzf;
 use super::read::Reader;
 use crate::cloud::{Cloud, Column, Values, names};
@@ -31,8 +32,15 @@ struct Field<'a> {
 /// 8-bit colours become `rgb`.
 pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
     let fields = fields(cloud);
+    let head = head(&fields, cloud.len(), options.compressed);
+    if fields.len() > MOST_NUMBERS || head.len() as u64 > LONGEST {
+        let columns = cloud.columns().len();
+        let reason =
+            format!("{columns} columns; PCD files have at most {MOST_NUMBERS} numbers a point, and 64 KiB for names");
+        return Err(Error::Unsupported { path: path.to_path_buf(), reason: format!("{reason}; use .npz or .csv") });
+    }
     let mut file = AtomicFile::create(path)?;
-    file.write_all(head(&fields, cloud.len(), options.compressed).as_bytes())?;
+    file.write_all(head.as_bytes())?;
     options.monitor.stage("write", cloud.len() as u64);
     if options.compressed {
         let points = Points { cloud, fields: &fields };

@@ -9,7 +9,7 @@ use std::io::Read;
 use std::path::Path;
 
 /// Longest header that is accepted.
-const LONGEST: u64 = 1 << 20;
+pub(super) const LONGEST: u64 = 1 << 20;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {

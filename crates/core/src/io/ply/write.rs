@@ -1,8 +1,9 @@
 //! Writing PLY.
 
+use super::header::LONGEST;
 use super::read::Reader;
 use crate::cloud::{Cloud, Column, Values, names};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::io::atomic::AtomicFile;
 use crate::io::{WriteOptions, verify};
 use crate::parallel::{Monitor, watched};
@@ -53,6 +54,11 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
         };
     }
     header += "end_header\n";
+    if header.len() as u64 > LONGEST {
+        let columns = cloud.columns().len();
+        let reason = format!("the names of {columns} columns make a longer header than PLY files may have (1 MiB)");
+        return Err(Error::Unsupported { path: path.to_path_buf(), reason: format!("{reason}; use .npz or .csv") });
+    }
     let mut file = AtomicFile::create(path)?;
     file.write_all(header.as_bytes())?;
     options.monitor.stage("write", cloud.len() as u64);

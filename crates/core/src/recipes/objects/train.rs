@@ -9,6 +9,7 @@ use crate::classification::{Classifier, Fingerprint, Predictor, Samples};
 use crate::error::Result;
 use crate::evaluation::{Confusion, Scores};
 use crate::parallel::Monitor;
+use crate::recipes::training::sources::with_reasons;
 use crate::recipes::training::{ClassSamples, LabelledScene, TrainingData, check_classes, mean_density};
 use crate::recipes::{ClassCount, Fitted, LabelledCloud, Nothing, System, Trained, TrainingResult};
 use crate::segmentation::{Majority, majorities};
@@ -51,13 +52,26 @@ pub(super) fn train(
     }
     let codes: Vec<u8> = studied.iter().flat_map(|l| l.codes.iter().flatten().copied()).collect();
     let classes = data.class_table(&codes);
-    check_classes(&classes)?;
+    let counts = counts(&data, &studied);
+    let warnings: Vec<String> = counts.iter().filter(|c| c.samples == 0).map(|c| unlearned(c, &classes)).collect();
+    check_classes(&classes).map_err(|e| with_reasons(e, &warnings))?;
     let (rows, labels) = table(&studied, &classes);
     let names = studied.first().map(|l| l.found.features.names.clone()).unwrap_or_default();
     let samples =
         Samples { features: &rows, width: names.len(), labels: &labels, weights: None, classes: classes.len() };
     let classifier = recipe.classifier().with_seed(recipe.seed).train(&samples, monitor)?;
-    let report = report(&data, &studied, &Answer { classifier: &classifier, classes: &classes })?;
+    let (by_segment, by_point) = held_out(&studied, &Answer { classifier: &classifier, classes: &classes })?;
+    let report = ObjectsReport {
+        unlabelled: data.unlabelled(),
+        segments: studied.iter().map(|l| l.codes.len()).sum(),
+        labelled: studied.iter().flat_map(|l| &l.codes).flatten().count(),
+        learned: counts.iter().map(|c| c.samples as usize).sum(),
+        classes: counts,
+        oracle_accuracy: oracle(&studied),
+        by_segment,
+        by_point,
+        warnings,
+    };
     let density = mean_density(studied.iter().map(|l| l.density));
     let trained = Trained {
         cars: None,
@@ -113,24 +127,12 @@ fn table(studied: &[CloudSegments], classes: &ClassTable) -> (Vec<f32>, Vec<u16>
     (rows, labels)
 }
 
-fn report(data: &TrainingData<'_>, studied: &[CloudSegments], answer: &Answer<'_>) -> Result<ObjectsReport> {
-    let counts = data.class_counts(|code| {
+/// Points and training segments of each labelled class.
+fn counts(data: &TrainingData<'_>, studied: &[CloudSegments]) -> Vec<ClassCount> {
+    data.class_counts(|code| {
         let of = |l: &CloudSegments| l.codes.iter().zip(&l.learned).filter(|(c, l)| **c == Some(code) && **l).count();
         let count = studied.iter().map(of).sum::<usize>() as u64;
         ClassSamples { count, weight: if count > 0 { 1.0 } else { 0.0 } }
-    });
-    let warnings = counts.iter().filter(|c| c.samples == 0).map(|c| unlearned(c, answer.classes)).collect();
-    let (by_segment, by_point) = held_out(studied, answer)?;
-    Ok(ObjectsReport {
-        unlabelled: data.unlabelled(),
-        segments: studied.iter().map(|l| l.codes.len()).sum(),
-        labelled: studied.iter().flat_map(|l| &l.codes).flatten().count(),
-        learned: counts.iter().map(|c| c.samples as usize).sum(),
-        classes: counts,
-        oracle_accuracy: oracle(studied),
-        by_segment,
-        by_point,
-        warnings,
     })
 }
 

@@ -119,7 +119,7 @@ impl SampleSource {
 }
 
 /// The error about too few classes, with the reasons why others were dropped.
-fn with_reasons(error: Error, reasons: &[String]) -> Error {
+pub(in crate::recipes) fn with_reasons(error: Error, reasons: &[String]) -> Error {
     match reasons.is_empty() {
         true => error,
         false => Error::input(format!("{error} ({})", reasons.join("; "))),
