@@ -476,3 +476,24 @@ def test_arrays_of_laspy_are_columns(tmp_path, kind):
         np.testing.assert_array_equal(cloud[f"normal{i}"], np.arange(5) * width + i)
         np.testing.assert_array_equal(ours[f"normal{i}"], cloud[f"normal{i}"])
         assert ours[f"normal{i}"].dtype == cloud[f"normal{i}"].dtype == np.dtype(kind[1:])
+
+
+def test_rewritten_dimensions_have_names_of_their_own_and_room_in_the_output(tmp_path):
+    ones = np.ones(3, np.uint8)
+    for name in ("a.laz", "a.npz", "a.ply"):
+        scansion.write(tmp_path / name, scansion.PointCloud(np.eye(3), Classification=ones))
+        for to in ("b.laz", "b.npz", "b.csv"):
+            with pytest.raises(ValueError, match="found Intensity, expected a name that no other dimension"):
+                scansion.rewrite(tmp_path / name, tmp_path / to, dimensions={"intensity": ones, "Intensity": ones})
+            assert not (tmp_path / to).exists()
+        for taken in ("xyz", "crs"):
+            with pytest.raises(ValueError, match=f"found {taken}, expected a name that neither"):
+                scansion.rewrite(tmp_path / name, tmp_path / "b.npz", dimensions={taken: ones})
+            assert not (tmp_path / "b.npz").exists()
+        for to in ("b.labels", "b.label"):
+            with pytest.raises(ValueError, match="holds classes only, not Own"):
+                scansion.rewrite(tmp_path / name, tmp_path / to, dimensions={"Own": ones})
+            with pytest.raises(ValueError, match="holds classes only"):
+                scansion.filters.filter_file(tmp_path / name, tmp_path / to, classes=[1])
+            assert not (tmp_path / to).exists()
+        assert scansion.rewrite(tmp_path / name, tmp_path / "c.labels", ones + 1) == ["not kept: all but the classes"]

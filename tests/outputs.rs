@@ -758,3 +758,21 @@ fn names_stand_for_codes_units_and_the_built_in_model() {
     assert!(fails(f, &["train", "a.laz", "-o", "new.laz"], 4).contains("extension is that of clouds"));
     assert!(fails(f, &["classify", "a.laz", "-m", "b.laz", "-o", "f.laz"], 4).contains("not a model"));
 }
+
+#[test]
+fn classes_written_alone_or_over_a_dimension_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let mut cloud = street(12.0, 1);
+    cloud.set_column(Column::new("Own", Values::U8(vec![9; cloud.len()]))).unwrap();
+    io::write(&f.join("a.laz"), &cloud, &WriteOptions::default()).unwrap();
+    done(f, &train(&["a.laz", "-o", "m.model"]));
+    let told = |rest: &[&str]| PROGRAM.ends(f, &[&["classify", "a.laz", "-m", "m.model"][..], rest].concat(), 0).1;
+    for output in ["o.labels", "o.label"] {
+        assert!(told(&["-o", output]).contains("not kept: all but the classes"), "{output}");
+    }
+    let note = "it has a dimension Own, which the classes replace in the output";
+    assert!(told(&["-o", "o.laz", "--to", "Own"]).contains(note));
+    assert!(!told(&["-o", "o.laz", "--to", "New"]).contains("which the classes replace"));
+    assert!(!told(&["-o", "o.laz"]).contains("which the classes replace"));
+}

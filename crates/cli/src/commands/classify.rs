@@ -139,6 +139,7 @@ fn one(job: &Job<'_>, keep: &mut Kept, args: &Classify, context: &Context<'_>) -
     let start = Instant::now();
     if !args.salvage {
         io::check_dimensions(input, output, &dimensions(model, args))?;
+        context.tell_replaced(input, args.to.as_deref())?;
     }
     let mut wanted = model.fitted.columns();
     wanted.push(names::CLASSIFICATION.into());

@@ -36,7 +36,7 @@ use scansion_core::classes::preset;
 use scansion_core::cloud::{ClassNames, Cloud, CodeScheme, OwnClass};
 use scansion_core::io::run::{Rules, expect, run};
 use scansion_core::io::salvage::Losses;
-use scansion_core::io::{Georeference, ReadOptions, RewriteReport, WriteOptions};
+use scansion_core::io::{self, Georeference, ReadOptions, RewriteReport, WriteOptions};
 use scansion_core::parallel::Monitor;
 use std::path::Path;
 
@@ -114,6 +114,16 @@ impl Context<'_> {
             let what = if cloud.crs.is_some() { "its reference system tells no unit" } else { "the file has no unit" };
             self.printer.note(&format!("{name}: {what}: metres are assumed; --unit 0.3048 for feet"));
         }
+    }
+
+    /// Says that the dimension for the classes (`--to`) replaces one of the input.
+    pub(crate) fn tell_replaced(&self, input: &Path, to: Option<&str>) -> Result<(), Error> {
+        let Some(to) = to else { return Ok(()) };
+        if io::inspect_with(input, self.columns)?.dimensions.iter().any(|name| name == to) {
+            let name = input.display();
+            self.printer.note(&format!("{name}: it has a dimension {to}, which the classes replace in the output"));
+        }
+        Ok(())
     }
 
     /// Says that files of this format have no reference system, if the cloud has one.

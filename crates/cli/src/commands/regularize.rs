@@ -26,6 +26,7 @@ pub(crate) fn run(args: &Regularize, context: &Context<'_>) -> Result<(), Failur
         io::check_holds(&args.output, &format!("the dimension {name}"))?;
     }
     io::check_dimensions(&args.input, &args.output, &added(args, (Vec::new(), Vec::new())))?;
+    context.tell_replaced(&args.input, args.to.as_deref())?;
     let params = params(args)?;
     let classes = match args.probabilities.is_empty() {
         true => {

@@ -19,7 +19,7 @@ const POINT: u64 = 16;
 const LABEL: u64 = 4;
 
 /// Name of the column with the number of the instance.
-const INSTANCE: &str = "Instance";
+pub(super) const INSTANCE: &str = "Instance";
 
 fn bad(path: &Path, field: &str, mismatch: Mismatch) -> Error {
     Error::Malformed {

@@ -1,13 +1,13 @@
 //! Conversion between formats: keeps everything that the target format can store and reports the rest.
 
+use super::added::lost_in_labels;
 use super::diff::compare;
 use crate::cloud::{Cloud, crs};
 use crate::error::{Error, Result};
 use crate::io::atomic::check_place;
 use crate::io::table::number::Kind;
 use crate::io::{
-    Bounds, ReadOptions, RewriteReport, WriteOptions, check_target, inspect, is_label_name, is_las_name, las,
-    read_with, run, write,
+    Bounds, ReadOptions, RewriteReport, WriteOptions, check_target, inspect, is_las_name, las, read_with, run, write,
 };
 use crate::memory;
 use serde::{Deserialize, Serialize};
@@ -79,9 +79,8 @@ fn convert_any(input: &Path, output: &Path, params: &ConvertParams, options: &Wr
     let records = if from_las { lost_records(input)? } else { Vec::new() };
     write(output, &cloud, options)?;
     options.monitor.stage("check", cloud.len() as u64);
-    if is_label_name(output) {
-        let notes = vec!["not kept: all but the classes".into()];
-        return Ok(RewriteReport { points: cloud.len() as u64, notes });
+    if let Some(note) = lost_in_labels(output) {
+        return Ok(RewriteReport { points: cloud.len() as u64, notes: vec![note] });
     }
     let again = || read_with(output, &ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() });
     let room = memory::spare(2 * bytes(&cloud), "the cloud that was written");

@@ -1,5 +1,6 @@
 //! Damaged files: reads what is intact, counts and reports what is lost.
 
+use super::added::check_kept;
 use super::select::{apply, lost_system};
 use crate::cloud::Cloud;
 use crate::error::Result;
@@ -60,6 +61,7 @@ pub fn copy(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions)
 }
 
 fn copy_any(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions) -> Result<(RewriteReport, Losses)> {
+    check_kept(output, edits)?;
     let to_las = is_las_name(output);
     if las::is_las(input)? && to_las {
         let (records, losses) = las::Records::salvage(input, &options.monitor)?;

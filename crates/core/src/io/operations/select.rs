@@ -1,11 +1,12 @@
 //! Copies of a file with some of its points, or with changes to them.
 
+use super::added::{check_distinct, check_free, check_kept, lost_in_labels};
 use super::convert::rounded;
 use crate::cloud::{Cloud, Column, OwnClass, Values, names};
 use crate::error::Result;
 use crate::io::{
-    Edit, RewriteReport, Selection, WriteOptions, atomic, check_target, extension, is_label_name, is_las_name, las,
-    read_with, run, write,
+    Edit, RewriteReport, Selection, WriteOptions, atomic, check_target, extension, is_las_name, las, read_with, run,
+    write,
 };
 use std::path::{Path, PathBuf};
 
@@ -30,6 +31,7 @@ pub fn select(input: &Path, output: &Path, selection: &Selection<'_>, options: &
 }
 
 fn select_any(input: &Path, output: &Path, selection: &Selection<'_>, options: &WriteOptions) -> Result<RewriteReport> {
+    check_kept(output, selection.edits)?;
     let to_las = is_las_name(output);
     if to_las && las::is_las(input)? {
         options.keeps_steps()?;
@@ -63,10 +65,13 @@ pub(super) fn moved_by_scale(cloud: &Cloud, output: &Path, options: &WriteOption
     Ok(moved.map(|(name, moved)| rounded(name, moved.points, moved.largest)).collect())
 }
 
-/// That the output has no room for the reference system or the unit of a cloud.
+/// That the output has no room for the reference system or the unit of a cloud, or for all but the classes.
 pub(super) fn lost_system(cloud: &Cloud, output: &Path) -> Vec<String> {
-    if is_las_name(output) || is_label_name(output) || extension(output) == "npz" {
+    if is_las_name(output) || extension(output) == "npz" {
         return Vec::new();
+    }
+    if let Some(note) = lost_in_labels(output) {
+        return vec![note];
     }
     match (&cloud.crs, cloud.metres_per_unit) {
         (Some(_), _) => vec!["not kept: the coordinate reference system".into()],
@@ -84,6 +89,8 @@ pub(in crate::io) fn beside(path: &Path) -> PathBuf {
 
 /// Applies the edits to a cloud.
 pub(super) fn apply(cloud: &mut Cloud, edits: &[Edit]) -> Result<()> {
+    check_distinct(edits)?;
+    check_free(edits)?;
     for edit in edits {
         if let Edit::Colour(colours) = edit {
             for (channel, name) in names::COLOUR.into_iter().enumerate() {

@@ -10,6 +10,7 @@ use crate::io::las::header::vlr::Vlr;
 use crate::io::las::header::{RECORD_SIZES, put};
 use crate::io::las::records::Records;
 use crate::io::las::write::writer::Front;
+use crate::io::operations::added::check_distinct;
 use rayon::prelude::*;
 
 /// The destination of a dimension's values in the output record.
@@ -37,6 +38,7 @@ pub(super) fn plan<'a>(
     edits: &'a [Edit],
     to: Option<u8>,
 ) -> Result<RecordChanges<'a>> {
+    check_distinct(edits)?;
     let header = &records.header;
     let format = to.unwrap_or(header.format);
     let base = usize::from(RECORD_SIZES[usize::from(format)]);
