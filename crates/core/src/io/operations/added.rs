@@ -1,20 +1,11 @@
-//! Whether edits can be stored together, and in an output of this name.
+//! Whether an output of this name can store edits.
 
 use crate::cloud::names;
 use crate::error::{Error, Result};
+use crate::io::table::edits::columns;
 use crate::io::table::known;
 use crate::io::{Edit, check_holds, is_label_name, kitti};
-use std::collections::HashSet;
 use std::path::Path;
-
-/// Fails if two edits set one column; names that are read as the same count as the same.
-pub(in crate::io) fn check_distinct(edits: &[Edit]) -> Result<()> {
-    let mut seen = HashSet::new();
-    match edits.iter().flat_map(columns).find(|name| !seen.insert(known::name(name))) {
-        Some(name) => Err(Error::parameter("dimension", name, "a name that no other dimension of the result has")),
-        None => Ok(()),
-    }
-}
 
 /// Fails if an edit sets a column whose name is that of coordinates, or of what npz holds about the whole cloud.
 pub(in crate::io) fn check_free(edits: &[Edit]) -> Result<()> {
@@ -39,16 +30,6 @@ pub(in crate::io) fn check_kept(output: &Path, edits: &[Edit]) -> Result<()> {
 /// What a file of class codes does not keep of a cloud; `None` for other files.
 pub(in crate::io) fn lost_in_labels(output: &Path) -> Option<String> {
     is_label_name(output).then(|| "not kept: all but the classes".into())
-}
-
-/// The columns that an edit sets.
-fn columns(edit: &Edit) -> Vec<&str> {
-    match edit {
-        Edit::Classification(_) => vec![names::CLASSIFICATION],
-        Edit::Dimension(column) => vec![&column.name],
-        Edit::Colour(_) => names::COLOUR.to_vec(),
-        Edit::ClassNames(_) | Edit::OtherClassNames(_) | Edit::Provenance(_) => Vec::new(),
-    }
 }
 
 #[cfg(test)]

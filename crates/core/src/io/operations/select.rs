@@ -1,9 +1,10 @@
 //! Copies of a file with some of its points, or with changes to them.
 
-use super::added::{check_distinct, check_free, check_kept, lost_in_labels};
+use super::added::{check_free, check_kept, lost_in_labels};
 use super::convert::rounded;
 use crate::cloud::{Cloud, Column, OwnClass, Values, names};
 use crate::error::Result;
+use crate::io::table::edits::check_distinct;
 use crate::io::{
     Edit, RewriteReport, Selection, WriteOptions, atomic, check_target, extension, is_las_name, las, read_with, run,
     write,

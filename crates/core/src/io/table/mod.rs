@@ -1,5 +1,6 @@
 //! Columns that grow while a file is read, and are returned as clouds.
 
+pub(super) mod edits;
 pub(super) mod known;
 pub(super) mod limits;
 pub(super) mod number;

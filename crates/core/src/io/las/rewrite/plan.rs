@@ -10,7 +10,7 @@ use crate::io::las::header::vlr::Vlr;
 use crate::io::las::header::{RECORD_SIZES, put};
 use crate::io::las::records::Records;
 use crate::io::las::write::writer::Front;
-use crate::io::operations::added::check_distinct;
+use crate::io::table::edits::check_distinct;
 use rayon::prelude::*;
 
 /// The destination of a dimension's values in the output record.
