@@ -7,7 +7,7 @@ use crate::parallel::Monitor;
 use crate::voxels::cells::{Cells, cell_of};
 
 /// Rasters with at least this many cells, and many cells a point, are divided.
-const LARGE: f64 = 16e6;
+const LARGE: f64 = 1e6;
 const SPARSE: f64 = 64.0;
 
 /// Edge of a tile in cells of the raster; adjacent tiles form one site.
@@ -77,6 +77,19 @@ mod tests {
     use crate::cloud::Cloud;
     use crate::random::stream;
     use crate::terrain::{GroundParams, ground_points};
+
+    #[test]
+    fn a_few_points_and_one_far_away_are_sites_of_their_own() {
+        let rows = [[0.0, 0.0, 0.0], [3.0, 1.0, 0.2], [7.0, 2.0, 4.0], [1e6, 0.0, 0.0]];
+        let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
+        let found = sites(&points.positions, 1.0, &Monitor::default()).unwrap();
+        assert_eq!(found, [vec![0, 1, 2], vec![3]]);
+        // A field of that size is one site.
+        let field: Vec<[f64; 3]> =
+            (0..20_000).map(|i| [f64::from(i % 200) * 10.0, f64::from(i / 200) * 10.0, 0.0]).collect();
+        let points = Points::from_cloud(&Cloud::from_rows(&field).unwrap(), 1.0);
+        assert!(sites(&points.positions, 1.0, &Monitor::default()).unwrap().len() < 2);
+    }
 
     #[test]
     fn two_sites_far_apart_have_the_ground_that_each_has_alone() {
