@@ -6,7 +6,7 @@ use crate::convert::{matrix, to_matrix, vector};
 use crate::error::raise;
 use crate::graph::graph_of;
 use crate::json;
-use crate::neighbours::points_told;
+use crate::neighbours::{points_kept, values_at};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use scansion_core::evaluation::{self, Confusion, LabelledPartition, SegmentationErrorParams, report as texts};
@@ -89,9 +89,11 @@ pub(crate) fn segmentation_error(
     let cloud = Arc::clone(&cloud.inner);
     call(py, Some(1), |monitor| {
         let truth = codes(truth, monitor)?;
-        let partition = Partition::from_labels_watched(labels, monitor)?;
-        let points = points_told(&cloud, None, monitor)?.positions;
-        let labelled = LabelledPartition { points: &points, partition: &partition, truth: &truth };
+        // A raster that spans stray points would have too many cells.
+        let points = points_kept(&cloud, monitor)?;
+        let truth = values_at(&points, &truth)?;
+        let partition = Partition::from_labels_watched(&values_at(&points, labels)?, monitor)?;
+        let labelled = LabelledPartition { points: &points.positions, partition: &partition, truth: &truth };
         json::text(&evaluation::segmentation_error(labelled, &params, monitor)?)
     })
 }

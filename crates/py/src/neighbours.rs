@@ -18,20 +18,36 @@ pub(crate) fn points(cloud: &CoreCloud, metres_per_unit: Option<f64>, monitor: &
     of_all(&MetricCloud::new(cloud, metres_per_unit, monitor)?, monitor)
 }
 
-/// As [`points`], for work whose grids span all of them: warns of stray points, which may make that impossible.
-pub(crate) fn points_told(cloud: &CoreCloud, metres_per_unit: Option<f64>, monitor: &Monitor) -> Result<Points> {
-    let scene = MetricCloud::new(cloud, metres_per_unit, monitor)?;
+/// The points of a cloud that are not stray, in metres; warns of stray ones, and refuses points that are not finite.
+pub(crate) fn points_kept(cloud: &CoreCloud, monitor: &Monitor) -> Result<Points> {
+    let scene = MetricCloud::new(cloud, None, monitor)?;
     if let Some(text) = scene.strays.warning(cloud) {
-        monitor.warn(format!("{text}; leave such points out, they take part here"));
+        monitor.warn(format!("{text}; they are left out"));
     }
-    of_all(&scene, monitor)
+    let kept = scene.points(monitor)?;
+    let strays = scene.strays.index.len();
+    all_finite(cloud, kept.len() + strays)?;
+    Ok(kept)
+}
+
+/// The values of some points of a cloud, from one value for each of its points.
+pub(crate) fn values_at<T: Copy>(points: &Points, values: &[T]) -> Result<Vec<T>> {
+    let at = |&i: &u32| values.get(i as usize).copied();
+    let found: Option<Vec<T>> = points.frame.index.iter().map(at).collect();
+    found.ok_or_else(|| Error::input(format!("{} values, fewer than the points of the cloud", values.len())))
 }
 
 fn of_all(scene: &MetricCloud<'_>, monitor: &Monitor) -> Result<Points> {
     let points = scene.points_and_strays(monitor)?;
-    match scene.cloud.len() - points.len() {
-        0 => Ok(points),
-        lost => Err(Error::input(format!("{lost} of {} points have NaN or infinite coordinates", scene.cloud.len()))),
+    all_finite(scene.cloud, points.len())?;
+    Ok(points)
+}
+
+/// Fails if fewer points than those of the cloud are finite.
+fn all_finite(cloud: &CoreCloud, finite: usize) -> Result<()> {
+    match cloud.len() - finite {
+        0 => Ok(()),
+        lost => Err(Error::input(format!("{lost} of {} points have NaN or infinite coordinates", cloud.len()))),
     }
 }
 

@@ -4,17 +4,18 @@ use crate::call::call;
 use crate::cloud::Cloud;
 use crate::convert::{matrix, to_matrix, vector};
 use crate::json;
-use crate::neighbours::{points, points_told};
+use crate::neighbours::{points, points_kept, values_at};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use scansion_core::cloud::Points;
+use scansion_core::Result;
+use scansion_core::cloud::{Cloud as CoreCloud, Points};
 use scansion_core::features::normals;
 use scansion_core::neighbours::knn;
 use scansion_core::parallel::Monitor;
 use scansion_core::segmentation::{
-    self, ObjectAttributes, OctreeGrowingParams, Partition, PointAttributes, RegionGrowingParams, RiemannianParams,
-    SlicParams, VccsParams,
+    self, NO_SUPERVOXEL, ObjectAttributes, OctreeGrowingParams, Partition, PointAttributes, RegionGrowingParams,
+    RiemannianParams, SlicParams, VccsParams,
 };
 use std::sync::Arc;
 
@@ -47,23 +48,55 @@ pub(crate) fn supervoxels<'py>(
     n_jobs: Option<i64>,
 ) -> PyResult<Labels<'py>> {
     let (directions, colours) = (triples(normals.as_ref(), "normals")?, triples(colours.as_ref(), "colours")?);
-    let attributes = PointAttributes { normals: directions, colours };
     let cloud = Arc::clone(&cloud.inner);
     let found = match method {
         "slic" => {
             let params: SlicParams = json::settings(settings)?;
             call(py, n_jobs, |monitor| {
-                segmentation::slic(&points_told(&cloud, None, monitor)?.positions, &attributes, &params, monitor)
+                let of = Attributed::new(&cloud, [directions, colours], monitor)?;
+                let found = segmentation::slic(&of.points.positions, &of.attributes(), &params, monitor)?;
+                Ok(of.in_cloud(found.labels()))
             })
         }
         _ => {
             let params: VccsParams = json::settings(settings)?;
             call(py, n_jobs, |monitor| {
-                segmentation::vccs(&points_told(&cloud, None, monitor)?.positions, &attributes, &params, monitor)
+                let of = Attributed::new(&cloud, [directions, colours], monitor)?;
+                let found = segmentation::vccs(&of.points.positions, &of.attributes(), &params, monitor)?;
+                Ok(of.in_cloud(found.labels()))
             })
         }
     }?;
-    Ok(PyArray1::from_slice(py, found.labels()))
+    Ok(PyArray1::from_vec(py, found))
+}
+
+/// The points of a cloud that are not stray, and their attributes.
+struct Attributed {
+    /// Number of points of the cloud.
+    all: usize,
+    points: Points,
+    normals: Option<Vec<[f32; 3]>>,
+    colours: Option<Vec<[f32; 3]>>,
+}
+
+impl Attributed {
+    /// `attributes`: normals and colours, one a point of the cloud.
+    fn new(cloud: &CoreCloud, attributes: [Option<&[[f32; 3]]>; 2], monitor: &Monitor) -> Result<Self> {
+        let points = points_kept(cloud, monitor)?;
+        let [normals, colours] = attributes.map(|rows| rows.map(|rows| values_at(&points, rows)).transpose());
+        Ok(Self { all: cloud.len(), normals: normals?, colours: colours?, points })
+    }
+
+    fn attributes(&self) -> PointAttributes<'_> {
+        PointAttributes { normals: self.normals.as_deref(), colours: self.colours.as_deref() }
+    }
+
+    /// Labels of all points of the cloud; stray ones have none.
+    fn in_cloud(&self, labels: &[u32]) -> Vec<u32> {
+        let mut all = vec![NO_SUPERVOXEL; self.all];
+        self.points.frame.index.iter().zip(labels).for_each(|(&i, &label)| all[i as usize] = label);
+        all
+    }
 }
 
 /// Supervoxel and segment of each point, and a report as JSON.

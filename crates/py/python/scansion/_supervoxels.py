@@ -50,7 +50,8 @@ def supervoxels(
     Returns
     -------
     labels : array of shape (n,), int64
-        Supervoxel of each point; -1 for none: `segment_shapes` and the other functions of segments leave such points out.
+        Supervoxel of each point; -1 for none, as of stray points: `segment_shapes` and the other functions of segments leave
+        such points out.
 
     Examples
     --------

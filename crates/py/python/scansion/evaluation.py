@@ -206,7 +206,7 @@ def segmentation_error(
     Parameters
     ----------
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
-        The cloud; all coordinates finite.
+        The cloud; all coordinates finite. Stray points are left out.
     labels : array_like of shape (n,)
         Segment of each point, 0..4294967295; points of -1 are in none and left out.
     truth : array_like of shape (n,)
