@@ -64,7 +64,7 @@ fn a_killed_program_leaves_the_old_output_or_the_new_one() {
 type Verb = (&'static [&'static str], &'static [&'static str]);
 
 /// Every command that writes.
-const VERBS: [Verb; 11] = [
+const VERBS: [Verb; 20] = [
     (&["convert", "in.laz", "o.las"], &["o.las"]),
     (&["convert", "in.laz", "o.npz"], &["o.npz"]),
     (&["merge", "in.laz", "in.laz", "-o", "o.laz"], &["o.laz"]),
@@ -79,15 +79,29 @@ const VERBS: [Verb; 11] = [
     ),
     (&["evaluate", "in.laz", "in.laz", "-o", "o.json", "-o", "o.csv", "-o", "o.png"], &["o.json", "o.csv", "o.png"]),
     (&["render", "in.laz", "-o", "o.png", "--width", "600"], &["o.png", "o.pgw"]),
+    (&["convert", "--salvage", "in.laz", "o.laz"], &["o.laz"]),
+    (&["classify", "in.laz", "-o", "o.npz", "-m", "in.model"], &["o.npz"]),
+    (&["regularize", "p.laz", "-o", "o.laz"], &["o.laz"]),
+    (&["height", "in.laz", "-o", "o.laz"], &["o.laz"]),
+    (&["filter", "in.laz", "-o", "o.laz", "--classes", "2,6"], &["o.laz"]),
+    (&["terrain", "in.laz", "-o", "o.tif", "--dsm", "o.asc"], &["o.tif", "o.asc"]),
+    (
+        &["terrain", "in.laz", "--footprints", "o.gpkg", "--contours", "o.geojson", "--interval", "0.1"],
+        &["o.gpkg", "o.geojson"],
+    ),
+    (&["contours", "in.laz", "-o", "o.dxf"], &["o.dxf"]),
+    (&["contours", "in.laz", "-o", "o.gpkg"], &["o.gpkg"]),
 ];
 
-/// A folder with an input and a model, and the content of each output before a run.
+/// A folder with an input, its probabilities and a model, and the content of each output before a run.
 fn prepared() -> (tempfile::TempDir, impl Fn(&str) -> Vec<u8>) {
     let folder = tempfile::tempdir().unwrap();
     let f = folder.path();
     scansion_core::io::write(&f.join("in.laz"), &street(25.0, 1), &Default::default()).unwrap();
     let train = ["train", "in.laz", "-o", "in.model", "--set", "forest.trees=2", "--set", "features.pyramid.levels=3"];
     assert!(start(f, &train).wait().unwrap().success());
+    let probabilities = ["classify", "in.laz", "-o", "p.laz", "-m", "in.model", "--probabilities"];
+    assert!(start(f, &probabilities).wait().unwrap().success());
     // A model may only replace a model.
     let model = std::fs::read(f.join("in.model")).unwrap();
     (folder, move |name: &str| if name.ends_with("model") { model.clone() } else { b"what stood here before".to_vec() })
