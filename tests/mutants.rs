@@ -243,6 +243,27 @@ fn mutants_of_every_format_are_read_or_refused() {
     assert!(finds.is_empty(), "{finds:#?}");
 }
 
+/// Seeds of the targets that read text: where each stands in the corpus, and the text.
+const TEXTS: [(&str, &str); 9] = [
+    ("maps/grid", "ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\nNODATA_value -9999\n1 2\n-9999 4\n"),
+    ("maps/lines", "v 0 0 0\nv 1 0 0.5\nv 1 1 1\nl 1 2 3\nl -1 -2\n"),
+    (
+        "maps/classes",
+        r#"{"type":"FeatureCollection","features":[{"type":"Feature","properties":{"class":6},"geometry":{"type":"Polygon",
+        "coordinates":[[[0,0],[4,0],[4,4],[0,4],[0,0]],[[1,1],[2,1],[2,2],[1,1]]]}},{"type":"Feature","properties":{},
+        "geometry":{"type":"LineString","coordinates":[[0,0,0],[1,1,1]]}}]}"#,
+    ),
+    ("maps/wkt", "SRID=2154;MULTIPOLYGON (((0 0, 4 0, 4 4, 0 0), (1 1, 2 1, 2 2, 1 1)), ((5 5, 6 5, 6 6, 5 5)))"),
+    ("maps/table", "x,y,z,class\n0.5,0.5,0.25,2\n1.5,1,0.5,6\n"),
+    ("settings/segment", "[partition]\ncutoff = 3.0\n"),
+    (
+        "settings/classes",
+        "classes = [{ code = 64, name = \"tram\", colour = [255, 0, 0] }, { code = 2, name = \"ground\" }]\n",
+    ),
+    ("settings/map", "3-4=5,300-400=6"),
+    ("objects/mesh", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"),
+];
+
 /// Writes the samples as seeds of the fuzz targets: into `SCANSION_CORPUS` if it is set.
 #[test]
 fn corpus_of_the_fuzz_targets_is_written() {
@@ -266,6 +287,12 @@ fn corpus_of_the_fuzz_targets_is_written() {
         std::fs::create_dir_all(corpus.join(target)).unwrap();
     }
     std::fs::write(corpus.join("labels/three"), "2\n5\n6\n").unwrap();
+    for (place, text) in TEXTS {
+        std::fs::create_dir_all(corpus.join(place).parent().unwrap()).unwrap();
+        std::fs::write(corpus.join(place), text).unwrap();
+    }
+    let recipe = AnyRecipe::named("airborne").unwrap().to_toml().unwrap();
+    std::fs::write(corpus.join("settings/airborne"), recipe).unwrap();
     let cloud = samples::cloud(600);
     let labels = read_labels(&cloud, &LabelParams::default()).unwrap();
     for (classifier, small) in [("rf", "forest.trees=3"), ("gbt", "boosting.rounds=3")] {

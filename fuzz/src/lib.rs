@@ -1,8 +1,12 @@
 //! What the fuzz targets do with their bytes. README.md of this crate tells how to run them.
 
-use scansion_core::recipes::Model;
+use scansion_core::classes::{LabelMap, preset};
+use scansion_core::filters::{Area, ClassArea};
 use scansion_core::io::{self, PointReader, ReadOptions, salvage};
+use scansion_core::nn::arrays::Arrays;
+use scansion_core::nn::objects::{read_idx, read_off, read_xyz};
 use scansion_core::parallel::Monitor;
+use scansion_core::recipes::{AnyRecipe, LabelFile, Model, SegmentParams};
 use std::path::{Path, PathBuf};
 use std::sync::Once;
 
@@ -71,5 +75,47 @@ pub fn labels(bytes: &[u8]) {
 pub fn model(bytes: &[u8]) {
     with_file("a.model", bytes, |path| {
         let _ = Model::load(path);
+    });
+}
+
+/// Grids of heights, polygons, lines and tables of labels: each reader that takes text, whatever the text is.
+pub fn maps(bytes: &[u8]) {
+    with_file("a.asc", bytes, |path| {
+        let _ = io::read_ascii_grid(path);
+    });
+    with_file("a.obj", bytes, |path| {
+        let _ = io::read_lines(path);
+    });
+    with_file("a.geojson", bytes, |path| {
+        let _ = io::read_lines(path);
+        if let Ok(area) = Area::read(path) {
+            area.holds([0.5, 0.5]);
+        }
+        let _ = ClassArea::read_mapped(path, &LabelMap::default());
+    });
+    with_file("a.csv", bytes, |path| {
+        let _ = LabelFile::read(path);
+    });
+}
+
+/// Settings of recipes and segmentations, lists of classes, and maps of codes.
+pub fn settings(bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    let _ = AnyRecipe::from_toml(&text);
+    let _ = SegmentParams::from_toml(&text);
+    let _ = preset::from_toml(&text);
+    let _ = text.parse::<LabelMap>();
+    if let Ok(recipe) = AnyRecipe::named("pyramid") {
+        let _ = recipe.with_settings([&*text]);
+    }
+}
+
+/// Shapes and images of objects, and weights of networks.
+pub fn objects(bytes: &[u8]) {
+    with_file("a.off", bytes, |path| {
+        let _ = read_off(path);
+        let _ = read_idx(path);
+        let _ = read_xyz(path);
+        let _ = Arrays::from_bytes(bytes, path);
     });
 }
