@@ -4,6 +4,9 @@ use crate::cloud::Positions;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_watched, sort_watched, watched};
 
+/// Points that are held, at least, before those that have lost are dropped.
+const HELD: usize = 1 << 18;
+
 /// Points with the likelihood that each lies on a contour.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Likely {
@@ -95,23 +98,36 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// The winner of each cell, ascending by cell. O(n + m log m) for m points that are likely enough.
+    /// The winner of each cell, ascending by cell. O(n + m log m) for m points that are likely enough; memory in proportion to the
+    /// cells that have a winner.
     ///
     /// # Errors
     /// If the cells are too small for the extent, or the work was cancelled.
     pub(super) fn winners(&self, likely: &Likely, monitor: &Monitor) -> Result<Vec<Winner>> {
-        let mut all = Vec::new();
+        self.winners_among(likely, |_| true, monitor)
+    }
+
+    /// The winners among the points at these places, as [`Cells::winners`].
+    pub(super) fn winners_among(
+        &self,
+        likely: &Likely,
+        among: impl Fn([f32; 3]) -> bool,
+        monitor: &Monitor,
+    ) -> Result<Vec<Winner>> {
+        let (mut all, mut room) = (Vec::new(), HELD);
         for piece in watched(likely.len(), monitor) {
             for i in piece? {
-                let value = likely.likelihoods[i];
-                if f64::from(value) >= self.least {
-                    let cell = self.cell(likely.positions.xyz(i))?;
-                    all.push(Winner { cell, rank: !(value + 0.0).to_bits(), point: i as u32 });
+                let (value, place) = (likely.likelihoods[i], likely.positions.xyz(i));
+                if f64::from(value) >= self.least && among(place) {
+                    all.push(Winner { cell: self.cell(place)?, rank: !(value + 0.0).to_bits(), point: i as u32 });
                 }
             }
+            if all.len() >= room {
+                keep_winners(&mut all, monitor)?;
+                room = HELD.max(2 * all.len());
+            }
         }
-        sort_watched(&mut all, monitor)?;
-        all.dedup_by_key(|winner| winner.cell);
+        keep_winners(&mut all, monitor)?;
         Ok(all)
     }
 
@@ -127,6 +143,13 @@ impl Cells {
         }
         Ok(index.map(|v| (v as i32 as u32) ^ (1 << 31)))
     }
+}
+
+/// Sorts points by cell and keeps the winner of each.
+fn keep_winners(all: &mut Vec<Winner>, monitor: &Monitor) -> Result<()> {
+    sort_watched(all, monitor)?;
+    all.dedup_by_key(|winner| winner.cell);
+    Ok(())
 }
 
 /// The winners in the 27 cells around one of them, itself among them, ascending by cell. O(log n).
@@ -168,6 +191,26 @@ mod tests {
             assert!(expected.contains(&at));
             assert_eq!(around(&winners, winner.cell).collect::<Vec<_>>(), expected);
         }
+    }
+
+    #[test]
+    fn winners_of_many_points_in_few_cells_are_those_of_all() {
+        let mut random = stream(2, 1);
+        let count = 3 * HELD;
+        let rows: Vec<[f32; 3]> = (0..count).map(|_| [random.uniform() as f32, random.uniform() as f32, 0.5]).collect();
+        let likelihoods: Vec<f32> = (0..count).map(|_| random.below(1 << 20) as f32 / (1 << 20) as f32).collect();
+        let tangents = vec![[0.0; 3]; count];
+        let likely = Likely { positions: Positions::from_rows(&rows), likelihoods, tangents };
+        let left = |place: [f32; 3]| place[0] < 0.5;
+        let found = Cells { size: 0.1, least: 0.2 }.winners_among(&likely, left, &Monitor::default()).unwrap();
+        let mut best = std::collections::BTreeMap::new();
+        for i in (0..count).filter(|&i| left(rows[i]) && f64::from(likely.likelihoods[i]) >= 0.2) {
+            let cell = rows[i].map(|v| (f64::from(v) / 0.1) as u32);
+            let winner = best.entry(cell).or_insert(i);
+            *winner = if likely.likelihoods[i] > likely.likelihoods[*winner] { i } else { *winner };
+        }
+        assert_eq!(found.iter().map(|w| w.point as usize).collect::<Vec<_>>(), best.into_values().collect::<Vec<_>>());
+        assert!((50..60).contains(&found.len()), "{}", found.len());
     }
 
     #[test]

@@ -8,7 +8,7 @@
 //!    [`Candidate`]s.
 //! 3. A classifier derives a probability from the descriptor of each candidate, and a random [`Field`] chooses among
 //!    them.
-//! 4. The union of the chosen paths is cut at junctions and simplified.
+//! 4. The union of the chosen paths is cut at junctions and simplified; parts along unlikely points are left out.
 //!
 //! `Likely -> Candidates -> (probabilities) -> Traced`
 //!
@@ -43,8 +43,8 @@ pub use linking::{Candidate, Neighbourhood, link};
 pub use neighbourhood::neighbourhood;
 pub use nodes::Nodes;
 pub use params::{
-    CandidateParams, DescriptorParams, FieldParams, LinkParams, NeighbourhoodParams, RidgeParams, SeedParams,
-    Suppression, TangentParams, TidyParams, TraceParams,
+    CandidateParams, DescriptorParams, FieldParams, LinkParams, NeighbourhoodParams, PartParams, RidgeParams,
+    SeedParams, Suppression, TangentParams, TidyParams, TraceParams,
 };
 pub use polylines::Polyline;
 pub use ridge::ridge;
@@ -111,7 +111,8 @@ pub fn trace(from: &Candidates, probabilities: &[f32], params: &TraceParams, mon
     let choice = choose(&field, &params.field, monitor)?;
     let chosen = Chosen { candidates: &from.list, active: &choice.active, probabilities };
     let union = PathUnion::new(from.nodes.len(), &chosen, monitor)?;
-    let mut polylines = tidy::draw(union, &from.nodes.likely, &params.tidy, monitor)?;
+    let drawn = tidy::draw(union, &from.nodes.likely, &params.tidy, monitor)?;
+    let mut polylines = tidy::likely_parts(drawn, &from.nodes.likely, &params.parts, monitor)?;
     for node in polylines.iter_mut().flat_map(|line| &mut line.nodes) {
         *node = from.nodes.points[*node as usize];
     }

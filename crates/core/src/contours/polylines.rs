@@ -26,6 +26,11 @@ impl Polyline {
     pub fn length(&self) -> f64 {
         self.vertices.windows(2).map(|w| distance(w[0], w[1])).sum()
     }
+
+    /// Whether the last vertex is the first one, and others lie between.
+    pub fn is_closed(&self) -> bool {
+        self.vertices.len() > 3 && self.vertices.first() == self.vertices.last()
+    }
 }
 
 /// Distance of two positions, metres.

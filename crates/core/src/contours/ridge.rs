@@ -7,7 +7,7 @@
 //! the two surfaces. The edge is where the likely points end on the side away from the surface; evenly spread points
 //! end √3 standard deviations beyond their mean.
 
-use super::likely::{Cells, Likely};
+use super::likely::{Cells, Likely, Winner};
 use super::nodes::Nodes;
 use super::params::RidgeParams;
 use crate::cloud::Positions;
@@ -16,11 +16,14 @@ use crate::neighbours::Shape;
 use crate::neighbours::stacks::Stacks;
 use crate::neighbours::sums::{Alike, Around, Gaussian, Surrounding};
 use crate::parallel::{Monitor, map_watched, watched};
+use crate::voxels::cells::cell_of;
+use crate::voxels::cells::index::CellIndex;
 
 /// The likeliest point of each voxel, moved to the edge, with the direction of the edge there, those that are near each other one
 /// after the other; all likely points in their order if there are no passes.
 ///
-/// O(n + m k) for m likely voxels with k others in their neighbourhoods; memory O(m).
+/// O(n + m k) for m likely voxels with k others in their neighbourhoods; memory O(m), and O(m) for the voxels of the surface beside
+/// them.
 ///
 /// # Errors
 /// If lengths do not fit, a value is not finite or not a likelihood, a parameter is outside its range, the voxels are too small
@@ -31,30 +34,69 @@ pub fn ridge(likely: &Likely, params: &RidgeParams, monitor: &Monitor) -> Result
     if params.passes == 0 {
         return Ok(Nodes { likely: likely.clone(), points: (0..likely.len() as u32).collect() });
     }
-    let rows = |least: f64| -> Result<Vec<u32>> {
-        let winners = Cells { size: params.voxel, least }.winners(likely, monitor)?;
-        let mut rows: Vec<u32> = winners.iter().map(|winner| winner.point).collect();
-        rows.sort_unstable();
-        Ok(rows)
-    };
-    let points = rows(params.least)?;
+    let cells = Cells { size: params.voxel, least: params.least };
+    let points = points_of(&cells.winners(likely, monitor)?);
     let given = likely.select(&points, monitor)?;
     let band = Band::new(&given, params.reach, monitor)?;
     monitor.stage("edge", params.passes as u64 + 1);
-    let surface = || Stacks::new(&likely.positions.select(&rows(0.0)?, monitor)?, params.around, monitor);
-    let surface = (params.end > 0.0).then(surface).transpose()?;
     let mut places = band.stacks.positions.clone();
     for pass in 1..=params.passes {
-        let surface = surface.as_ref().filter(|_| pass == params.passes);
-        places = moved(&band, &places, surface, &Pass { params, monitor })?;
+        let ends = pass == params.passes && params.end > 0.0;
+        let surface = ends.then(|| surface(likely, &places, params, monitor)).transpose()?;
+        places = moved(&band, &places, surface.as_ref(), &Pass { params, monitor })?;
         monitor.advance(1);
     }
-    drop(surface);
     let mut found = Likely { positions: places, ..given.select(&band.stacks.index, monitor)? };
     found.tangents = directions(&found, 2.0 * params.reach, monitor)?;
     monitor.advance(1);
     let points = map_watched(found.len(), monitor, |node| points[band.stacks.index[node] as usize])?;
     Ok(Nodes { likely: found, points })
+}
+
+/// The points of some winners, ascending.
+fn points_of(winners: &[Winner]) -> Vec<u32> {
+    let mut points: Vec<u32> = winners.iter().map(|winner| winner.point).collect();
+    points.sort_unstable();
+    points
+}
+
+/// The points of the surface around places, likely or not, one of each voxel.
+fn surface(likely: &Likely, places: &Positions, params: &RidgeParams, monitor: &Monitor) -> Result<Stacks> {
+    let vicinity = Vicinity::new(places, params.around);
+    let cells = Cells { size: params.voxel, least: 0.0 };
+    let winners = cells.winners_among(likely, |place| vicinity.holds(place), monitor)?;
+    Stacks::new(&likely.positions.select(&points_of(&winners), monitor)?, params.around, monitor)
+}
+
+/// Cells that hold all places within a radius of some others, and more.
+struct Vicinity {
+    /// Edge of a cell, metres.
+    edge: f64,
+    cells: CellIndex<[i32; 3]>,
+}
+
+impl Vicinity {
+    /// O(n log n).
+    fn new(places: &Positions, radius: f64) -> Self {
+        // So that rounding excludes no place.
+        let edge = radius * (1.0 + 1e-6);
+        let unique = |mut keys: Vec<[i32; 3]>| {
+            keys.sort_unstable();
+            keys.dedup();
+            keys
+        };
+        let own = unique((0..places.len()).map(|i| cell_of(places.xyz(i).map(|v| f64::from(v) / edge))).collect());
+        let beside = |cell: [i32; 3], i: i32| {
+            let offset = [i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1];
+            [0, 1, 2].map(|axis| cell[axis].saturating_add(offset[axis]))
+        };
+        let around = own.iter().flat_map(|&cell| (0..27).map(move |i| beside(cell, i)));
+        Self { edge, cells: CellIndex::new(unique(around.collect())) }
+    }
+
+    fn holds(&self, place: [f32; 3]) -> bool {
+        self.cells.find(cell_of(place.map(|v| f64::from(v) / self.edge))).is_some()
+    }
 }
 
 /// Likely points sorted for sums over those around a place, which count by the squares of their likelihoods.
@@ -145,6 +187,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::stream;
 
     /// A surface whose points are likely near an edge along x: its rim, or the crease with another one.
     fn surface(crease: bool) -> Likely {
@@ -197,6 +240,36 @@ mod tests {
             assert_eq!(found.points, if n == 0 { vec![] } else { vec![0] });
             assert!(found.likely.positions.iter().all(|p| p == [1.0; 3]));
         }
+    }
+
+    #[test]
+    fn points_far_from_the_band_change_nothing() {
+        let likely = surface(true);
+        let mut more = likely.clone();
+        for i in 0..500 {
+            more.positions.push([i as f32 * 0.01, 2.0, (i % 7) as f32]);
+            more.likelihoods.push(0.05);
+            more.tangents.push([0.0; 3]);
+        }
+        let of = |likely: &Likely| ridge(likely, &RidgeParams::default(), &Monitor::default()).unwrap();
+        assert_eq!(of(&more), of(&likely));
+    }
+
+    #[test]
+    fn the_vicinity_holds_all_places_within_the_radius() {
+        let mut random = stream(9, 2);
+        let mut place = || [0.0; 3].map(|_: f32| 4.0 * random.uniform() as f32 - 2.0);
+        let places: Positions = (0..40).map(|_| place()).collect();
+        let vicinity = Vicinity::new(&places, 0.3);
+        let mut held = 0;
+        for _ in 0..5000 {
+            let other = place();
+            let near = places.iter().any(|p| (0..3).map(|a| (p[a] - other[a]).powi(2)).sum::<f32>() <= 0.09);
+            assert!(vicinity.holds(other) || !near, "{other:?}");
+            held += usize::from(vicinity.holds(other));
+        }
+        assert!((100..3000).contains(&held), "{held}");
+        assert!(!Vicinity::new(&Positions::default(), 0.3).holds([0.0; 3]));
     }
 
     #[test]

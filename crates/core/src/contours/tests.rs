@@ -56,7 +56,9 @@ fn a_box_is_twelve_lines() {
         let tidy = TidyParams { corner: 0.2, loop_width: 0.1, ..TidyParams::default() };
         let seeds = SeedParams { suppression: Suppression::All, ..SeedParams::default() };
         let found = candidates(&likely, &CandidateParams { seeds, ..CandidateParams::default() }, &monitor).unwrap();
-        let traced = trace(&found, &probabilities(&found), &TraceParams { field, tidy }, &monitor).unwrap();
+        let traced =
+            trace(&found, &probabilities(&found), &TraceParams { field, tidy, ..TraceParams::default() }, &monitor)
+                .unwrap();
         let lines = ComparedLines { found: &traced.polylines, reference: &edges(size), unsure: &[] };
         let scores = score_lines(&lines, &ScoreParams::default(), &monitor).unwrap();
         let (precision, recall) = (scores.precision().unwrap(), scores.recall().unwrap());
@@ -83,7 +85,11 @@ fn the_result_does_not_depend_on_the_number_of_threads() {
 #[test]
 fn by_the_letter_vertices_are_points_of_the_cloud() {
     let likely = scan([1.0, 1.0, 0.5], 0.005, &mut stream(5, 1));
-    let plain = TraceParams { tidy: TidyParams::plain(0.05), ..TraceParams::default() };
+    let plain = TraceParams {
+        tidy: TidyParams::plain(0.05),
+        parts: PartParams { least: 0.0, ..PartParams::default() },
+        ..TraceParams::default()
+    };
     let unmoved = RidgeParams { passes: 0, ..RidgeParams::default() };
     let params = CandidateParams { ridge: unmoved, ..CandidateParams::default() };
     let monitor = Monitor::default();

@@ -2,12 +2,14 @@
 
 mod checks;
 mod neighbourhood;
+mod parts;
 mod ridge;
 mod tangents;
 mod tidy;
 
 pub(super) use checks::{above_zero, at_least_one, between, zero_or_more};
 pub use neighbourhood::NeighbourhoodParams;
+pub use parts::PartParams;
 pub use ridge::RidgeParams;
 pub use tangents::TangentParams;
 pub use tidy::TidyParams;
@@ -186,6 +188,8 @@ pub struct TraceParams {
     pub field: FieldParams,
     /// The lines.
     pub tidy: TidyParams,
+    /// The rating of their parts.
+    pub parts: PartParams,
 }
 
 impl TraceParams {
@@ -195,7 +199,8 @@ impl TraceParams {
     /// If a field is outside its range.
     pub fn validate(&self) -> Result<()> {
         self.field.validate()?;
-        self.tidy.validate()
+        self.tidy.validate()?;
+        self.parts.validate()
     }
 }
 
@@ -220,5 +225,12 @@ mod tests {
         assert!(message.contains("isolated") && message.contains("0.5"), "{message}");
         assert!(FieldParams { exact: 21, ..Default::default() }.validate().is_err());
         assert!(FieldParams { max_sweeps: 0, ..Default::default() }.validate().is_err());
+        let parts = |change: fn(&mut PartParams)| {
+            let mut params = PartParams::default();
+            change(&mut params);
+            params.validate().is_err()
+        };
+        assert!(parts(|p| p.least = 1.5) && parts(|p| p.confidence = -0.1) && parts(|p| p.least_length = f64::NAN));
+        assert!(parts(|p| p.window = f64::INFINITY) && parts(|p| p.window = -1.0));
     }
 }

@@ -7,9 +7,12 @@
 mod axis;
 mod joints;
 mod loops;
+mod parts;
 mod spurs;
 mod straight;
 mod uniting;
+
+pub(super) use parts::likely_parts;
 
 use super::likely::Likely;
 use super::params::TidyParams;

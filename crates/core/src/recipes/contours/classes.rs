@@ -5,13 +5,16 @@ use crate::cloud::{Cloud, Column, Points, Positions, names};
 use crate::contours::{Polyline, sampled};
 use crate::error::{Error, Result};
 use crate::neighbours::nearest_of;
-use crate::parallel::{Monitor, watched};
+use crate::parallel::Monitor;
 use std::collections::HashMap;
 
 /// Distance within which points lie beside a line, in voxels.
 const REACH: f64 = 2.0;
 /// Share of the points beside a line below which the second class is no side.
 const SHARE: f64 = 0.1;
+
+/// Points whose nearest lines are held at a time.
+const BLOCK: usize = 1 << 20;
 
 /// Points with their classes.
 pub(super) struct Sides<'a> {
@@ -59,7 +62,8 @@ impl<'a> Sides<'a> {
     }
 
     /// For each line the two most frequent classes beside it, ascending; `None` if there is no point beside it. A point
-    /// lies beside the line that is nearest to it. O(n log s) for n points and s samples; 8 bytes a point.
+    /// lies beside the line that is nearest to it. O(n log s) for n points and s samples; memory for a
+    /// million points at a time.
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -73,12 +77,13 @@ impl<'a> Sides<'a> {
         if places.is_empty() {
             return Ok(vec![None; lines.len()]);
         }
-        let near = nearest_of(&places, self.positions, 1, monitor)?;
         let limit = (REACH * REACH * VOXEL * VOXEL) as f32;
-        for piece in watched(self.positions.len(), monitor) {
-            for i in piece?.filter(|&i| near.squared_distances(i)[0] <= limit) {
-                if let Some(code) = self.codes[i] {
-                    *counts[of[near.of(i)[0] as usize]].entry(code).or_default() += 1;
+        for first in (0..self.positions.len()).step_by(BLOCK) {
+            let rows: Vec<u32> = (first..self.positions.len().min(first + BLOCK)).map(|i| i as u32).collect();
+            let near = nearest_of(&places, &self.positions.select(&rows, monitor)?, 1, monitor)?;
+            for (row, &i) in rows.iter().enumerate().filter(|(row, _)| near.squared_distances(*row)[0] <= limit) {
+                if let Some(code) = self.codes[i as usize] {
+                    *counts[of[near.of(row)[0] as usize]].entry(code).or_default() += 1;
                 }
             }
         }

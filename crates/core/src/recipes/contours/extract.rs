@@ -93,7 +93,7 @@ impl Place {
         let world =
             |at: &[f32; 3]| std::array::from_fn(|a| (f64::from(at[a]) + self.origin[a]) / (self.scale.metres * factor));
         let mut vertices: Vec<[f64; 3]> = line.vertices.iter().map(world).collect();
-        let closed = line.vertices.len() > 3 && line.vertices.first() == line.vertices.last();
+        let closed = line.is_closed();
         if closed {
             vertices.pop();
         }
