@@ -136,6 +136,9 @@ def test_stages_draw_lines_with_several_settings():
     whole = contours.extract(scene.cloud)
     assert all(np.array_equal(a, b) for a, b in zip(rated.lines(), whole, strict=True))
     assert len(rated.lines({"trace": {"field": {"bias": 1.0}}})) <= len(rated.lines({"trace.field.bias": -2.0}))
+    lengths = [rated.lines({"trace.parts.least": least}).length.sum() for least in (0.0, 0.5, 0.8, 1.0)]
+    assert lengths == sorted(lengths, reverse=True) and lengths[0] > lengths[2] > 0
+    assert lengths[1] == whole.length.sum()
     for key in ("candidates.seeds.threshold", "voxel", "trace", "tracer.bias"):
         with pytest.raises(ValueError, match=f"settings: found {key}, expected keys below trace; others need new stages"):
             rated.lines({"trace.field.bias": 1.0, key: 1})

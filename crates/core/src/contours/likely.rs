@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_watched, sort_watched, watched};
 
 /// Points that are held, at least, before those that have lost are dropped.
-const HELD: usize = 1 << 18;
+const HELD: usize = 1 << 15;
 
 /// Points with the likelihood that each lies on a contour.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -121,10 +121,10 @@ impl Cells {
                 if f64::from(value) >= self.least && among(place) {
                     all.push(Winner { cell: self.cell(place)?, rank: !(value + 0.0).to_bits(), point: i as u32 });
                 }
-            }
-            if all.len() >= room {
-                keep_winners(&mut all, monitor)?;
-                room = HELD.max(2 * all.len());
+                if all.len() >= room {
+                    keep_winners(&mut all, monitor)?;
+                    room = HELD.max(2 * all.len());
+                }
             }
         }
         keep_winners(&mut all, monitor)?;
@@ -196,7 +196,7 @@ mod tests {
     #[test]
     fn winners_of_many_points_in_few_cells_are_those_of_all() {
         let mut random = stream(2, 1);
-        let count = 3 * HELD;
+        let count = 20 * HELD;
         let rows: Vec<[f32; 3]> = (0..count).map(|_| [random.uniform() as f32, random.uniform() as f32, 0.5]).collect();
         let likelihoods: Vec<f32> = (0..count).map(|_| random.below(1 << 20) as f32 / (1 << 20) as f32).collect();
         let tangents = vec![[0.0; 3]; count];

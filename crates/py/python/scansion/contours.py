@@ -197,8 +197,8 @@ class Stages:
         Parameters
         ----------
         settings : mapping, optional
-            Settings of the model's recipe below ``trace``, as ``{"trace.field.bias": 1.0}``: fewer contours. Others are for
-            `stages`.
+            Settings of the model's recipe below ``trace``, as ``{"trace.parts.least": 0.7}``: fewer lines, more of them right.
+            Others are for `stages`.
 
         Returns
         -------
