@@ -299,8 +299,8 @@ def test_a_stray_point_is_set_aside_with_a_warning():
         assert labels[-1] == -1 and np.array_equal(labels[:-1], alone) and alone.max() > 100
     truth = np.where(clean[:, 0] < 5e5 + 20, 2, 6)
     expected = scansion.evaluation.segmentation_error(clean, alone, truth, cell=1.0)
-    with pytest.warns(UserWarning, match="number 2000 .*left out"):
-        error = scansion.evaluation.segmentation_error(strayed, labels, np.append(truth, 6), cell=1.0)
+    with pytest.warns(UserWarning, match="at 0, 0, 0.*left out"):
+        error = scansion.evaluation.segmentation_error(strayed, np.append(alone, 0), np.append(truth, 6), cell=1.0)
     assert error == expected and 0 <= error["error"] < 1
     near, _ = scansion.neighbours.knn(strayed, 4)
     assert len(near) == 2001 and np.array_equal(near[:-1], scansion.neighbours.knn(clean, 4)[0])

@@ -108,7 +108,7 @@ def _other_names(cloud: PointCloud, columns: list[str], path: str, text_columns:
 def _repeated(name: str, dimensions: list[str]) -> str | None:
     """The name in the file of the second dimension called ``a``, which is ``a_2`` in a cloud."""
     before, _, number = name.rpartition("_")
-    return before if number.isdecimal() and 2 <= int(number) <= dimensions.count(before) else None
+    return before if number.isdecimal() and name in dimensions and before in dimensions else None
 
 
 def _header(path: str) -> list[str]:
