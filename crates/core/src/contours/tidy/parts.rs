@@ -21,7 +21,8 @@ const REACH: f64 = 0.08;
 
 /// The parts of lines whose mean rating over the window is large enough, in the order of the lines. The rating of a place is
 /// (1 - w) p + w c: p is the largest likelihood of a node beside it, c the confidence of the line. Nodes of a part are those
-/// of its line that lie beside it. O(s log n) for s samples and n nodes.
+/// of its line that lie beside it. O(s log n) for s samples and n nodes, and for each part that is cut out the product of the
+/// samples and nodes of its line.
 ///
 /// # Errors
 /// If a parameter is outside its range, or the work was cancelled.
