@@ -21,8 +21,7 @@ const REACH: f64 = 0.08;
 
 /// The parts of lines whose mean rating over the window is large enough, in the order of the lines. The rating of a place is
 /// (1 - w) p + w c: p is the largest likelihood of a node beside it, c the confidence of the line. Nodes of a part are those
-/// of its line that lie beside it. O(s log n) for s samples and n nodes, and for each part that is cut out the product of the
-/// samples and nodes of its line.
+/// of its line that are nearest to one of its samples. O((s + n) log n) for s samples and n nodes.
 ///
 /// # Errors
 /// If a parameter is outside its range, or the work was cancelled.
@@ -56,7 +55,8 @@ pub(in crate::contours) fn likely_parts(
             parts.push(line.clone());
             continue;
         }
-        let found = runs(&kept, line.is_closed()).into_iter().map(|run| samples.part(line, run, nodes));
+        let nearest = samples.nearest(&nodes.positions.select(&line.nodes, monitor)?, monitor)?;
+        let found = runs(&kept, line.is_closed()).into_iter().map(|run| samples.part(line, run, &nearest));
         parts.extend(found.filter(|part| part.length() >= params.least_length));
     }
     Ok(parts)
@@ -74,6 +74,8 @@ struct Samples {
     places: Vec<[f32; 3]>,
     /// The segment that each place lies on.
     segments: Vec<usize>,
+    /// Number of places, the last of a closed line not counted.
+    turn: usize,
 }
 
 impl Samples {
@@ -92,13 +94,21 @@ impl Samples {
             places.push(last);
             segments.push(line.vertices.len().saturating_sub(2));
         }
-        Self { places, segments }
+        let turn = places.len() - usize::from(line.is_closed());
+        Self { places, segments, turn }
     }
 
-    /// The part of the line from one sample to another; of a closed line it may run on beyond the last sample.
-    fn part(&self, line: &Polyline, run: Range<usize>, nodes: &Likely) -> Polyline {
-        // A closed line ends with its first sample.
-        let turn = self.places.len() - usize::from(line.is_closed());
+    /// The sample nearest to each of some places.
+    fn nearest(&self, places: &Positions, monitor: &Monitor) -> Result<Vec<usize>> {
+        let samples: Positions = self.places[..self.turn].iter().copied().collect();
+        let near = nearest_of(&samples, places, 1, monitor)?;
+        Ok((0..places.len()).map(|i| near.of(i)[0] as usize).collect())
+    }
+
+    /// The part of the line from one sample to another, given the sample nearest to each node of the line; of a closed line it may
+    /// run on beyond the last sample.
+    fn part(&self, line: &Polyline, run: Range<usize>, nearest: &[usize]) -> Polyline {
+        let turn = self.turn;
         let mut vertices: Vec<[f32; 3]> = Vec::new();
         for at in run.clone() {
             let (sample, before) = (at % turn, at.checked_sub(1).map(|before| before % turn));
@@ -108,17 +118,9 @@ impl Samples {
                 vertices.push(self.places[sample]);
             }
         }
-        let own = |node: &u32| {
-            let place = nodes.positions.xyz(*node as usize);
-            let apart = |at: usize| distance(self.places[at % turn], place);
-            let nearest = (0..turn).min_by(|&a, &b| apart(a).total_cmp(&apart(b)));
-            nearest.is_some_and(|nearest| run.contains(&nearest) || run.contains(&(nearest + turn)))
-        };
-        Polyline {
-            vertices,
-            confidence: line.confidence,
-            nodes: line.nodes.iter().copied().filter(|node| own(node)).collect(),
-        }
+        let own = |sample: usize| run.contains(&sample) || run.contains(&(sample + turn));
+        let nodes = line.nodes.iter().zip(nearest).filter(|(_, sample)| own(**sample)).map(|(&node, _)| node);
+        Polyline { nodes: nodes.collect(), vertices, confidence: line.confidence }
     }
 }
 
