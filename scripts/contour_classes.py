@@ -1,14 +1,20 @@
-"""Class probabilities as features of contours, on real scans (section 4.6.4 of the thesis): the table of docs/contours.md.
+"""Contours as features of classes, and the other way round, on real scans (sections 4.6.3 and 4.6.4 of the thesis):
+the tables of docs/contours.md.
 
-    python scripts/contour_classes.py DATA [PROGRAM]        # needs: numpy scipy scikit-learn laspy[lazrs] matplotlib
+    python scripts/contour_classes.py DATA [PROGRAM] [PART ...]    # needs: numpy scipy scikit-learn laspy[lazrs] matplotlib
 
-PROGRAM (default: scansion) trains a model of ground, vegetation and building on four other scans, and rates the scan of the
-experiment with it. The truth of points comes from the reference lines of `contour_reference.py`: within half a voxel of a
-line they lie on a contour; those farther than a voxel do not, where the reference is complete, or if they are vegetation.
-Contours are learned in each half of lidarhd_housing and measured in the other. Each row is one forest per half and seed;
-curves put halves and seeds together. Files go to target/.
+PROGRAM (default: scansion) trains and classifies. Parts: classes, contours (both by default). Files go to target/.
+
+classes: three parts of Oakland are learned from and three others classified, three seeds, with and without the likelihood of lying on a
+contour, which the built-in model gives, among the features.
+
+contours: a model of ground, vegetation and building is trained on four scans and rates the scan of the experiment. The truth of
+points comes from the reference lines of `contour_reference.py`: within half a voxel of a line they lie on a contour; those
+farther than a voxel do not, where the reference is complete, or if they are vegetation. Contours are learned in each half of
+lidarhd_housing and measured in the other. Each row is one forest per half and seed; curves put halves and seeds together.
 """
 
+import json
 import pathlib
 import subprocess
 import sys
@@ -26,7 +32,12 @@ GROUND, BUILDING, VEGETATION = 2, 6, (3, 4, 5)
 #: The scan, and the edge of the voxels that `contours --without 1,3,4,5` finds in it, metres.
 NAME, VOXEL = "lidarhd_housing", 0.651
 ROOT = pathlib.Path(__file__).parents[1]
-DATA = pathlib.Path(sys.argv[1]) / "airborne" if len(sys.argv) > 1 else None
+#: Parts of Oakland that are learned from, and that are classified.
+LEARNED, CLASSIFIED = ("03", "05", "08"), ("11", "14", "17")
+SCORES = ("overall_accuracy", "mean_intersection_over_union", "mean_f1_score")
+CONTOURS = ROOT / "crates/core/assets/contours.model"
+ALL = pathlib.Path(sys.argv[1]) if len(sys.argv) > 1 else pathlib.Path()
+DATA = ALL / "airborne"
 PROGRAM = sys.argv[2] if len(sys.argv) > 2 else "scansion"
 
 
@@ -98,7 +109,32 @@ def cells(values, truth):
     return " | ".join(f"{value:.3f}" for value in (f1, *best))
 
 
-def main():
+def rated_part(part):
+    """A part of Oakland with the likelihood of lying on a contour, P_contour."""
+    path = ALL / "oakland" / f"part_{part}.laz"
+    return run(f"oakland_{part}_contour.laz", "classify", path, "-m", CONTOURS, "--probabilities", "--to", "Contour")
+
+
+def classes():
+    """Contours as features of classes."""
+    print("| features | overall accuracy | mean IoU | mean F1 |\n|---|---|---|---|")
+    kinds = {"`pyramid`": [], 'and `features.dimensions=["P_contour"]`': ["--set", 'features.dimensions=["P_contour"]']}
+    parts = [rated_part(part) for part in LEARNED]
+    for number, (title, settings) in enumerate(kinds.items()):
+        rows = []
+        for seed in SEEDS:
+            name = f"oakland_{number}_{seed}"
+            model = run(f"{name}.model", "train", *parts, "--recipe", "pyramid", *settings, "--seed", str(seed))
+            for part in CLASSIFIED:
+                named = run(f"{name}_{part}.laz", "classify", rated_part(part), "-m", model)
+                report = run(f"{name}_{part}.json", "evaluate", rated_part(part), named)
+                found = json.loads(report.read_text())
+                rows.append([found[key] for key in SCORES])
+        print(f"| {title} | " + " | ".join(f"{100 * value:.1f}" for value in np.mean(rows, axis=0)) + " |", flush=True)
+
+
+def contours():
+    """Classes as features of contours."""
     scene = scan()
     x = scene.points[:, 0] - np.median(scene.points[:, 0])
     folds = [(x < -5, x > 5), (x > 5, x < -5)]
@@ -111,4 +147,5 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    for part in sys.argv[3:] or ("classes", "contours"):
+        {"classes": classes, "contours": contours}[part]()

@@ -154,7 +154,7 @@ pub struct FieldParams {
 
 impl Default for FieldParams {
     fn default() -> Self {
-        Self { bias: -1.0, isolated: 2.0, one_sided: 1.0, continuation_angle: 90.0, max_sweeps: 100, exact: 0 }
+        Self { bias: -0.5, isolated: 2.0, one_sided: 1.0, continuation_angle: 90.0, max_sweeps: 100, exact: 0 }
     }
 }
 

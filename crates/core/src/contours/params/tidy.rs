@@ -37,14 +37,14 @@ pub struct TidyParams {
 impl Default for TidyParams {
     fn default() -> Self {
         Self {
-            tolerance: 0.05,
+            tolerance: 0.03,
             loop_width: 0.05,
             loop_length: 1.7,
             spur: 0.2,
             corner: 0.1,
             gap: 0.3,
             gap_angle: 30.0,
-            smooth: 0.1,
+            smooth: 0.05,
             residual: 0.05,
             least_length: 0.2,
         }
