@@ -5,8 +5,8 @@ the tables of docs/contours.md.
 
 PROGRAM (default: scansion) trains and classifies. Parts: classes, contours (both by default). Files go to target/.
 
-classes: three parts of Oakland are learned from and three others classified, three seeds, with and without the likelihood of lying on a
-contour, which the built-in model gives, among the features.
+classes: three parts of Oakland are learned from and three others classified, three seeds, with and without the likelihood of
+lying on a contour, which the built-in model gives, among the features.
 
 contours: a model of ground, vegetation and building is trained on four scans and rates the scan of the experiment. The truth of
 points comes from the reference lines of `contour_reference.py`: within half a voxel of a line they lie on a contour; those
@@ -36,8 +36,8 @@ ROOT = pathlib.Path(__file__).parents[1]
 LEARNED, CLASSIFIED = ("03", "05", "08"), ("11", "14", "17")
 SCORES = ("overall_accuracy", "mean_intersection_over_union", "mean_f1_score")
 CONTOURS = ROOT / "crates/core/assets/contours.model"
-ALL = pathlib.Path(sys.argv[1]) if len(sys.argv) > 1 else pathlib.Path()
-DATA = ALL / "airborne"
+DATA = pathlib.Path(sys.argv[1]) if len(sys.argv) > 1 else pathlib.Path()
+AIRBORNE = DATA / "airborne"
 PROGRAM = sys.argv[2] if len(sys.argv) > 2 else "scansion"
 
 
@@ -52,14 +52,14 @@ def run(output, *words):
 
 def class_model():
     """The model of ground, vegetation and building."""
-    scans = [DATA / f"{name}.laz" for name in TAUGHT]
+    scans = [AIRBORNE / f"{name}.laz" for name in TAUGHT]
     codes = ["--map", "3-4=5", "--map-of", "ahn3_delft_west.laz:1=5", "--classes", "2,5,6"]
     return run("contours_classes.model", "train", *scans, "--recipe", ROOT / "crates/core/assets/default.toml", *codes)
 
 
 def scan():
     """Places, truth (1 contour, 0 background, -1 unknown), vegetation, and tables of features of the scan."""
-    path = DATA / f"{NAME}.laz"
+    path = AIRBORNE / f"{NAME}.laz"
     lines, _, complete, points, _ = contour_reference.derived(path)
     codes = contour_reference.load(path)[1]
     apart = contour_reference.distances(lines, points, VOXEL / 20)
@@ -111,7 +111,7 @@ def cells(values, truth):
 
 def rated_part(part):
     """A part of Oakland with the likelihood of lying on a contour, P_contour."""
-    path = ALL / "oakland" / f"part_{part}.laz"
+    path = DATA / "oakland" / f"part_{part}.laz"
     return run(f"oakland_{part}_contour.laz", "classify", path, "-m", CONTOURS, "--probabilities", "--to", "Contour")
 
 

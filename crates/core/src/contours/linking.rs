@@ -145,7 +145,6 @@ struct Reached {
 struct Scratch {
     /// Number of each node among those reached, or [`UNKNOWN`].
     number: Vec<u32>,
-    /// The start, the ends in their order, and the others.
     reached: Vec<Reached>,
     /// Bits of the cost, which sort like the costs because these are not negative, and the node.
     queue: BinaryHeap<Reverse<(u64, u32)>>,
@@ -168,11 +167,6 @@ impl Scratch {
         self.number[node as usize] = number;
         self.reached.push(Reached { node, before: number, cost: f64::INFINITY, settled: false, end });
         number
-    }
-
-    /// The largest cost of the ends.
-    fn most(&self, ends: usize) -> f64 {
-        self.reached[1..=ends].iter().map(|end| end.cost).fold(0.0, f64::max)
     }
 }
 
@@ -212,8 +206,7 @@ impl Search<'_> {
         links.iter().for_each(|&[_, end]| _ = scratch.add(end, true));
         scratch.reached[first as usize].cost = 0.0;
         scratch.queue.push(Reverse((0, start)));
-        // No path to an end needs a node that costs more than all ends.
-        let (mut missing, mut most) = (links.len(), f64::INFINITY);
+        let mut missing = links.len();
         while let Some(Reverse((bits, node))) = scratch.queue.pop() {
             let number = scratch.number[node as usize];
             match &mut scratch.reached[number as usize] {
@@ -227,22 +220,16 @@ impl Search<'_> {
                 return;
             }
             for &Step { to, cost } in self.steps.of(node) {
-                let cost = f64::from_bits(bits) + f64::from(cost);
-                if cost > most {
-                    continue;
-                }
                 let known = match scratch.number[to as usize] {
                     UNKNOWN if self.apart(centre, to) > self.limit => continue,
                     UNKNOWN => scratch.add(to, false),
                     known => known,
                 };
+                let cost = f64::from_bits(bits) + f64::from(cost);
                 let at = &mut scratch.reached[known as usize];
                 if cost < at.cost {
                     (at.cost, at.before) = (cost, number);
                     scratch.queue.push(Reverse((cost.to_bits(), to)));
-                    if at.end {
-                        most = scratch.most(links.len());
-                    }
                 }
             }
         }
