@@ -6,10 +6,10 @@
 
 use crate::error::{Error, Result};
 use rayon::prelude::*;
-use std::ops::{Deref, DerefMut};
+use std::ops::{Deref, DerefMut, Range};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::{mem, thread};
+use std::{array, mem, thread};
 
 /// Connects a long computation with its caller, who can cancel it and follow its progress.
 ///
@@ -110,10 +110,13 @@ impl Monitor {
 /// Number of items of light work (nanoseconds each) between two checks for cancellation.
 const PIECE: usize = 16_384;
 
+/// Number of items of light work that are computed in one call.
+const GROUP: usize = 16;
+
 /// The pieces of `0..len` in order, with a check for cancellation before each; the first error is the last item.
 ///
 /// For serial loops over many items of some nanoseconds each.
-pub fn watched(len: usize, monitor: &Monitor) -> impl Iterator<Item = Result<std::ops::Range<usize>>> + '_ {
+pub fn watched(len: usize, monitor: &Monitor) -> impl Iterator<Item = Result<Range<usize>>> + '_ {
     (0..len).step_by(PIECE).map(move |at| monitor.check().map(|()| at..at.saturating_add(PIECE).min(len)))
 }
 
@@ -248,9 +251,33 @@ pub fn map_watched<T: Default + Send>(
 ) -> Result<Vec<T>> {
     // Without this look, cancelled work would still touch the memory of all items.
     monitor.check()?;
-    let item = |i: usize| if monitor.is_cancelled() { T::default() } else { kernel(i) };
-    let all = (0..count).into_par_iter().map(item).collect();
+    let item = |i: usize| if i < count && !monitor.is_cancelled() { kernel(i) } else { T::default() };
+    let group = |g: usize| -> [T; GROUP] { array::from_fn(|k| item(g * GROUP + k)) };
+    let mut all = collected(count.div_ceil(GROUP), &group).into_flattened();
+    all.truncate(count);
     monitor.check().map(|()| all)
+}
+
+/// Maps groups in parallel, in order. The kernel is called through a pointer, so that rayon's code is compiled once for each
+/// type and not once for each kernel.
+fn collected<T: Send>(count: usize, kernel: &(dyn Fn(usize) -> T + Sync)) -> Vec<T> {
+    (0..count).into_par_iter().map(kernel).collect()
+}
+
+/// Maps items of long work in parallel, in order, at most `most` at a time in a thread. Rayon's code is compiled once for all
+/// types and kernels.
+fn in_slots<T: Send>(items: Range<usize>, most: usize, kernel: impl Fn(usize) -> T + Sync) -> impl Iterator<Item = T> {
+    let slots: Vec<Mutex<Option<T>>> = items.clone().map(|_| Mutex::new(None)).collect();
+    for_each(slots.len(), most, &|slot| {
+        let found = kernel(items.start + slot);
+        *slots[slot].lock().unwrap_or_else(PoisonError::into_inner) = Some(found);
+    });
+    slots.into_iter().filter_map(|slot| slot.into_inner().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// Calls `work` with each number below `count` in parallel.
+fn for_each(count: usize, most: usize, work: &(dyn Fn(usize) + Sync)) {
+    (0..count).into_par_iter().with_max_len(most).for_each(work);
 }
 
 /// Concatenates all parts in order; each part is freed once its items are copied.
@@ -275,9 +302,7 @@ pub fn map_ordered<T: Send>(
     monitor: &Monitor,
     kernel: impl Fn(usize) -> Result<T> + Sync,
 ) -> Result<Vec<T>> {
-    let results: Vec<Result<T>> =
-        (0..count).into_par_iter().map(|i| monitor.check().and_then(|()| kernel(i))).collect();
-    results.into_iter().collect()
+    in_slots(0..count, count, |i| monitor.check().and_then(|()| kernel(i))).collect()
 }
 
 /// Like [`map_ordered`], of the items of a slice.
@@ -298,7 +323,7 @@ pub fn map_each<I: Sync, T: Send>(
 /// # Errors
 /// As [`map_ordered`].
 pub fn map_ordered_with<S: Send, T: Send>(
-    items: std::ops::Range<usize>,
+    items: Range<usize>,
     monitor: &Monitor,
     scratch: impl Fn() -> S + Sync + Send,
     kernel: impl Fn(&mut S, usize) -> Result<T> + Sync + Send,
@@ -313,21 +338,19 @@ pub fn map_ordered_with<S: Send, T: Send>(
         pool().push(own);
         found
     };
-    let results: Vec<Result<T>> = items.into_par_iter().with_max_len(4).map(one).collect();
-    results.into_iter().collect()
+    in_slots(items, 4, one).collect()
 }
 
 /// Maps fixed chunks of `0..len` in parallel and folds their results in order; independent of the number of threads.
 pub fn fold_ordered<T: Send>(
     len: usize,
     chunk: usize,
-    kernel: impl Fn(std::ops::Range<usize>) -> T + Sync,
+    kernel: impl Fn(Range<usize>) -> T + Sync,
     mut fold: impl FnMut(T, T) -> T,
 ) -> Option<T> {
     let chunk = chunk.max(1);
-    let parts: Vec<T> =
-        (0..len.div_ceil(chunk)).into_par_iter().map(|c| kernel(c * chunk..((c + 1) * chunk).min(len))).collect();
-    parts.into_iter().reduce(&mut fold)
+    let part = |c: usize| kernel(c * chunk..((c + 1) * chunk).min(len));
+    in_slots(0..len.div_ceil(chunk), len, part).reduce(&mut fold)
 }
 
 #[cfg(test)]

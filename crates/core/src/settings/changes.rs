@@ -80,7 +80,7 @@ pub(crate) fn with_defaults<T: DeserializeOwned + Serialize>(text: &str, default
     let mut all = Table::try_from(defaults).map_err(|e| Error::input(format!("recipe: {e}")))?;
     let before = Value::Table(all.clone());
     put(&mut all, given, Some(&before));
-    Ok(all.try_into().unwrap_or(written))
+    Ok(read(&all).unwrap_or(written))
 }
 
 /// Settings on top of these, which need no line of a text to be named in errors.
@@ -92,8 +92,14 @@ pub(crate) fn changed<'a, T: DeserializeOwned + Serialize>(
     changes: impl IntoIterator<Item = &'a str>,
 ) -> Result<T> {
     let table = Table::try_from(settings).map_err(|e| Error::input(format!("settings: {e}")))?;
-    let wrong = |e: toml::de::Error| Error::input(format!("settings: {}", explain(e.to_string().trim_end())));
-    with_keys(&table, changes, |table| table.try_into().map_err(wrong))
+    let wrong = |e: toml::de::Error| Error::input(format!("settings: {}", explain(e.message())));
+    with_keys(&table, changes, |table| read(&table).map_err(wrong))
+}
+
+/// Reads a table by way of its text. `Table::try_into` would compile a second reader of all settings, which is a tenth of the
+/// program. Errors name a place in that text, which nobody has seen; [`toml::de::Error::message`] is without it.
+pub(crate) fn read<T: DeserializeOwned>(table: &Table) -> std::result::Result<T, toml::de::Error> {
+    toml::from_str(&table.to_string())
 }
 
 /// Puts the given values into a table. `before` is that table with all values written out, from which it is known where a
@@ -126,8 +132,21 @@ fn choose(table: &mut Table, given: &Table, before: &Value) {
     }
 }
 
+/// The message of the TOML reader about an unknown value of a choice in the words of serde's about an unknown field.
+fn like_serde(message: &str) -> String {
+    let parts = message.split_once("unexpected keys in table: ");
+    let Some((before, (wrong, valid))) =
+        parts.and_then(|(at, keys)| Some((at, keys.split_once(", available keys: ")?)))
+    else {
+        return message.to_string();
+    };
+    let quoted = |keys: &str| keys.trim().split(", ").map(|key| format!("`{key}`")).collect::<Vec<_>>().join(", ");
+    format!("{before}unknown field {}, expected {}", quoted(wrong), quoted(valid))
+}
+
 /// Adds "did you mean" to serde's message about an unknown field.
 fn explain(message: &str) -> String {
+    let message = &like_serde(message);
     let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
     match (message.contains("unknown field"), quoted.split_first()) {
         (true, Some((wrong, valid))) => match valid.iter().min_by_key(|v| strsim::levenshtein(wrong, v)) {
@@ -217,6 +236,8 @@ mod tests {
             for order in [[wrong, right], [right, wrong]] {
                 let message = changed(&settings, order).unwrap_err().to_string();
                 assert!(message.contains(&format!("`{named}`")), "{order:?}: {message}");
+                let near = if named == "momentm" { "did you mean `momentum`?" } else { "" };
+                assert!(message.contains(near), "{order:?}: {message}");
             }
         }
         let set = |keys: &[&str]| changed(&settings, keys.iter().copied()).unwrap();

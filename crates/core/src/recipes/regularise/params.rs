@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::graph::KnnGraphParams;
 use crate::neighbours::OptimalParams;
 use crate::segmentation::{Intent, PartitionParams};
+use crate::settings::changes::read;
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// The method of regularisation.
@@ -184,5 +185,5 @@ pub(in crate::recipes) fn automatic<'de, D: Deserializer<'de>>(
 ) -> std::result::Result<RegulariseParams, D::Error> {
     let mut section = toml::Table::deserialize(from)?;
     section.entry("method").or_insert_with(|| Regularise::Auto.name().into());
-    section.try_into().map_err(serde::de::Error::custom)
+    read(&section).map_err(|e| serde::de::Error::custom(e.message()))
 }
