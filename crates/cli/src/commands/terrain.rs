@@ -4,7 +4,7 @@ use super::{Context, sources};
 use crate::args::{Format, GroundArgs, Terrain};
 use crate::exit_code::Failure;
 use scansion_core::cloud::crs::unknown_vertical;
-use scansion_core::cloud::{MetricCloud, Raster, names};
+use scansion_core::cloud::{Cloud, MetricCloud, Raster, names};
 use scansion_core::io::{self, Columns, Drawing, Georeference};
 use scansion_core::terrain::{
     self, Footprint, FootprintParams, GroundChoice, GroundParams, Isoline, IsolineParams, ProductParams, Survey,
@@ -42,20 +42,13 @@ pub(crate) fn run(args: &Terrain, context: &Context<'_>) -> std::result::Result<
     };
     let surveyed = Surveyed { survey: &survey, params: &params, metres: scene.metres };
     let mut made = rasters_of(&surveyed, args, context)?;
-    for (product, raster) in &made.rasters {
-        io::write_raster(&product.file, raster, &Georeference::of(&cloud), &context.monitor)?;
-        context.tell_no_place(&product.file, &cloud);
-    }
-    if let Some((contours, lines)) = &made.contours {
-        let lines = lines.iter().map(Isoline::drawn).collect();
-        io::write_drawing(&contours.file, &Drawing { lines, place: Georeference::of(&cloud) }, &context.monitor)?;
-        context.tell_no_place(&contours.file, &cloud);
-    }
+    // Everything is computed before the first file is written.
     if let Some(path) = &args.footprints {
         let heights = heights_above_ground(&scene, &survey, &params, &context.monitor)?;
         let found = footprints(&scene, &heights, &footprint_params(args), &context.monitor)?;
-        made.outlines = Some(outlines(path, &found, &scene, context)?);
+        made.outlines = Some((Outlines::of(path, &found), found));
     }
+    made.write(&cloud, scene.metres, context)?;
     context.printer.data(&match context.printer.format {
         Format::Json => serde_json::to_string_pretty(&made.report()).unwrap_or_default(),
         format => made.text(format),
@@ -148,20 +141,12 @@ fn rasters_of(surveyed: &Surveyed<'_>, args: &Terrain, context: &Context<'_>) ->
     Ok(made)
 }
 
-/// Writes the outlines of the buildings in the unit of the cloud.
-fn outlines(path: &Path, found: &[Footprint], scene: &MetricCloud<'_>, context: &Context<'_>) -> Result<Outlines> {
-    let area = found.iter().fold(0.0, |sum, building| sum + building.area);
-    let outlines = terrain::outlines(found, scene.metres);
-    io::write_outlines(path, &outlines, &Georeference::of(scene.cloud), &context.monitor)?;
-    Ok(Outlines { product: "buildings", file: path.to_path_buf(), buildings: found.len(), area })
-}
-
 /// What was made.
 #[derive(Default)]
 struct Made {
     rasters: Vec<(Product, Raster)>,
     contours: Option<(Contours, Vec<Isoline>)>,
-    outlines: Option<Outlines>,
+    outlines: Option<(Outlines, Vec<Footprint>)>,
 }
 
 /// A raster, in the unit of the cloud.
@@ -205,6 +190,13 @@ struct Outlines {
     area: f64,
 }
 
+impl Outlines {
+    fn of(file: &Path, found: &[Footprint]) -> Self {
+        let area = found.iter().fold(0.0, |sum, building| sum + building.area);
+        Self { product: "buildings", file: file.to_path_buf(), buildings: found.len(), area }
+    }
+}
+
 impl Product {
     fn of(product: &'static str, file: &Path, raster: &Raster) -> Self {
         let heights = || raster.values().iter().copied().filter(|v| !v.is_nan());
@@ -222,12 +214,30 @@ impl Product {
 }
 
 impl Made {
+    /// Writes all files, those of lines and outlines in the unit of the cloud.
+    fn write(&self, cloud: &Cloud, metres: f64, context: &Context<'_>) -> Result<()> {
+        for (product, raster) in &self.rasters {
+            io::write_raster(&product.file, raster, &Georeference::of(cloud), &context.monitor)?;
+            context.tell_no_place(&product.file, cloud);
+        }
+        if let Some((contours, lines)) = &self.contours {
+            let lines = lines.iter().map(Isoline::drawn).collect();
+            io::write_drawing(&contours.file, &Drawing { lines, place: Georeference::of(cloud) }, &context.monitor)?;
+            context.tell_no_place(&contours.file, cloud);
+        }
+        if let Some((outlines, found)) = &self.outlines {
+            let found = terrain::outlines(found, metres);
+            io::write_outlines(&outlines.file, &found, &Georeference::of(cloud), &context.monitor)?;
+        }
+        Ok(())
+    }
+
     fn report(&self) -> Vec<serde_json::Value> {
         let rasters = self.rasters.iter().map(|(product, _)| serde_json::to_value(product));
         let contours = self.contours.iter().map(|(contours, _)| serde_json::to_value(contours));
         rasters
             .chain(contours)
-            .chain(self.outlines.iter().map(serde_json::to_value))
+            .chain(self.outlines.iter().map(|(outlines, _)| serde_json::to_value(outlines)))
             .filter_map(std::result::Result::ok)
             .collect()
     }
@@ -264,7 +274,7 @@ impl Made {
                 }
             };
         }
-        if let Some(found) = &self.outlines {
+        if let Some((found, _)) = &self.outlines {
             text += &match format {
                 Format::Csv => format!("buildings,area\n{},{:.1}\n", found.buildings, found.area),
                 _ => {
