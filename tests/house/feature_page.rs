@@ -1,6 +1,6 @@
 //! The page `docs/features.md` is the registry of features; pages of methods and models name only features of it.
 //!
-//! `WRITE_DOCS=1 cargo test -p scansion-tests --test feature_page` writes the page.
+//! `WRITE_DOCS=1 cargo test -p scansion-tests --test house feature_page` writes the page.
 
 use scansion_core::features::ContextParams;
 use scansion_core::features::definition::{ALL, Definition, Feature, Group, Scope};
@@ -92,7 +92,10 @@ fn the_page_is_the_registry() {
         std::fs::write(&path, page()).unwrap();
     }
     let found = std::fs::read_to_string(&path).unwrap();
-    assert!(found == page(), "docs/features.md is not the registry: see the first lines of tests/feature_page.rs");
+    assert!(
+        found == page(),
+        "docs/features.md is not the registry: see the first lines of tests/house/feature_page.rs"
+    );
     assert!(ALL.iter().all(|d| found.contains(&format!("| {} | `", d.name))));
 }
 

@@ -1,0 +1,5 @@
+//! The rules of the source code, and the docs that are made of it.
+
+mod arguments;
+mod feature_page;
+mod layers;
