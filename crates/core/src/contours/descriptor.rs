@@ -11,6 +11,7 @@ use crate::neighbours::Shape;
 use crate::neighbours::stacks::Stacks;
 use crate::neighbours::sums::{Around, Weighted};
 use crate::parallel::{Monitor, map_ordered, map_watched};
+use pulp::{Arch, Simd, WithSimd};
 
 /// Number of values of a candidate.
 pub const VALUES: usize = 29;
@@ -155,6 +156,18 @@ impl Tally {
     }
 }
 
+/// [`Path::angles`], compiled for each instruction set.
+struct Angles<'a>(&'a Path);
+
+impl WithSimd for Angles<'_> {
+    type Output = [[u32; BINS]; 2];
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> [[u32; BINS]; 2] {
+        self.0.angles()
+    }
+}
+
 impl Path {
     fn new(nodes: &Likely, path: &[u32]) -> Result<Self> {
         if path.is_empty() || path.iter().any(|&node| node as usize >= nodes.len()) {
@@ -169,6 +182,7 @@ impl Path {
     }
 
     /// Histograms of the angles between the directions from node to node and the chord, and the tangents.
+    #[inline(always)]
     fn angles(&self) -> [[u32; BINS]; 2] {
         let (n, Positions { x, y, z }, tangents) = (self.likelihoods.len(), &self.places, &self.tangents);
         let chord = unit(apart(self.places.xyz(0), self.places.xyz(n - 1)));
@@ -193,7 +207,7 @@ impl Path {
 
     fn values(&self, params: &DescriptorParams) -> [f32; VALUES] {
         let n = self.likelihoods.len();
-        let [chord, tangents] = self.angles();
+        let [chord, tangents] = Arch::new().dispatch(Angles(self));
         let mut histograms = [chord, tangents, [0; BINS]];
         self.likelihoods.iter().for_each(|&p| histograms[2][bin(p)] += 1);
         let mut values = [0.0; VALUES];
@@ -237,15 +251,18 @@ impl Path {
     }
 }
 
+#[inline(always)]
 fn apart(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     [b[0] - a[0], b[1] - a[1], b[2] - a[2]]
 }
 
+#[inline(always)]
 fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// The vector with length 1, or zeros if it has no length.
+#[inline(always)]
 fn unit(v: [f32; 3]) -> [f32; 3] {
     let length = dot(v, v).sqrt();
     if length > 0.0 { v.map(|c| c / length) } else { [0.0; 3] }

@@ -3,9 +3,7 @@
 use crate::cloud::Positions;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_watched, sort_watched, watched};
-
-/// Points that are held, at least, before those that have lost are dropped.
-const HELD: usize = 1 << 15;
+use std::collections::HashMap;
 
 /// Points with the likelihood that each lies on a contour.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -78,7 +76,7 @@ impl Likely {
 
 /// The most likely point of a cell, of equal ones the first.
 ///
-/// Sorted by cell, then by likelihood, then by point: the first of each cell is its winner.
+/// Sorted by cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Winner {
     /// Cell along each axis; neighbouring cells differ by one.
@@ -98,8 +96,8 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// The winner of each cell, ascending by cell. O(n + m log m) for m points that are likely enough; memory in proportion to the
-    /// cells that have a winner.
+    /// The winner of each cell, ascending by cell. O(n + m log m) expected time and O(m) memory for m cells that
+    /// have a winner.
     ///
     /// # Errors
     /// If the cells are too small for the extent, or the work was cancelled.
@@ -114,20 +112,20 @@ impl Cells {
         among: impl Fn([f32; 3]) -> bool,
         monitor: &Monitor,
     ) -> Result<Vec<Winner>> {
-        let (mut all, mut room) = (Vec::new(), HELD);
+        // Rank and point of the winner of each cell so far.
+        let mut best: HashMap<[u32; 3], [u32; 2]> = HashMap::new();
         for piece in watched(likely.len(), monitor) {
             for i in piece? {
                 let (value, place) = (likely.likelihoods[i], likely.positions.xyz(i));
                 if f64::from(value) >= self.least && among(place) {
-                    all.push(Winner { cell: self.cell(place)?, rank: !(value + 0.0).to_bits(), point: i as u32 });
-                }
-                if all.len() >= room {
-                    keep_winners(&mut all, monitor)?;
-                    room = HELD.max(2 * all.len());
+                    let own = [!(value + 0.0).to_bits(), i as u32];
+                    let winner = best.entry(self.cell(place)?).or_insert(own);
+                    *winner = own.min(*winner);
                 }
             }
         }
-        keep_winners(&mut all, monitor)?;
+        let mut all: Vec<Winner> = best.into_iter().map(|(cell, [rank, point])| Winner { cell, rank, point }).collect();
+        sort_watched(&mut all, monitor)?;
         Ok(all)
     }
 
@@ -143,13 +141,6 @@ impl Cells {
         }
         Ok(index.map(|v| (v as i32 as u32) ^ (1 << 31)))
     }
-}
-
-/// Sorts points by cell and keeps the winner of each.
-fn keep_winners(all: &mut Vec<Winner>, monitor: &Monitor) -> Result<()> {
-    sort_watched(all, monitor)?;
-    all.dedup_by_key(|winner| winner.cell);
-    Ok(())
 }
 
 /// The winners in the 27 cells around one of them, itself among them, ascending by cell. O(log n).
@@ -196,7 +187,7 @@ mod tests {
     #[test]
     fn winners_of_many_points_in_few_cells_are_those_of_all() {
         let mut random = stream(2, 1);
-        let count = 20 * HELD;
+        let count = 600_000;
         let rows: Vec<[f32; 3]> = (0..count).map(|_| [random.uniform() as f32, random.uniform() as f32, 0.5]).collect();
         let likelihoods: Vec<f32> = (0..count).map(|_| random.below(1 << 20) as f32 / (1 << 20) as f32).collect();
         let tangents = vec![[0.0; 3]; count];

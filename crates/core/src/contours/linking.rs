@@ -126,8 +126,11 @@ impl Steps {
     }
 }
 
-/// A node that a search has not reached.
+/// The number of a node that a search has not reached.
 const UNKNOWN: u32 = u32::MAX;
+
+/// The number of a node whose path is found.
+const SETTLED: u32 = u32::MAX - 1;
 
 /// What is known of a node that a search has reached, or looks for.
 #[derive(Clone, Copy, Debug)]
@@ -143,7 +146,7 @@ struct Reached {
 
 #[derive(Debug, Default)]
 struct Scratch {
-    /// Number of each node among those reached, or [`UNKNOWN`].
+    /// Number of each node among those reached, [`UNKNOWN`] or [`SETTLED`].
     number: Vec<u32>,
     reached: Vec<Reached>,
     /// Reached nodes by their costs, see [`key`]; a node is queued again when its cost falls.
@@ -189,8 +192,8 @@ impl Search<'_> {
     fn links(&self, scratch: &mut Scratch, links: &[[u32; 2]], found: &mut Vec<Candidate>) {
         let Some(&[start, _]) = links.first() else { return };
         self.run(scratch, links, start);
-        for &[_, end] in links {
-            let mut at = scratch.reached[scratch.number[end as usize] as usize];
+        for (link, &[_, end]) in links.iter().enumerate() {
+            let mut at = scratch.reached[link + 1];
             if !at.settled {
                 continue;
             }
@@ -205,7 +208,8 @@ impl Search<'_> {
         }
     }
 
-    /// Settles nodes in the order of their costs until all ends are settled or the ball is.
+    /// Settles nodes in the order of their costs until all ends are settled or the ball is. The start has number 0, the ends
+    /// follow in their order.
     fn run(&self, scratch: &mut Scratch, links: &[[u32; 2]], start: u32) {
         scratch.clear(self.of.graph.len());
         let centre = self.of.positions.xyz(start as usize);
@@ -223,12 +227,14 @@ impl Search<'_> {
                 continue;
             }
             let Reached { node, cost: before, end, .. } = *at;
+            scratch.number[node as usize] = SETTLED;
             missing -= usize::from(end);
             if missing == 0 {
                 return;
             }
             for &Step { to, cost } in self.steps.of(node) {
                 let known = match scratch.number[to as usize] {
+                    SETTLED => continue,
                     UNKNOWN if self.apart(centre, to) > self.limit => continue,
                     UNKNOWN => scratch.add(to, false),
                     known => known,

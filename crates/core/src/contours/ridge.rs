@@ -17,7 +17,7 @@ use crate::neighbours::stacks::Stacks;
 use crate::neighbours::sums::{Alike, Around, Gaussian, Surrounding};
 use crate::parallel::{Monitor, map_watched, watched};
 use crate::voxels::cells::cell_of;
-use crate::voxels::cells::index::CellIndex;
+use std::collections::HashSet;
 
 /// The likeliest point of each voxel, moved to the edge, with the direction of the edge there, those that are near each other one
 /// after the other; all likely points in their order if there are no passes.
@@ -72,30 +72,25 @@ fn surface(likely: &Likely, places: &Positions, params: &RidgeParams, monitor: &
 struct Vicinity {
     /// Edge of a cell, metres.
     edge: f64,
-    cells: CellIndex<[i32; 3]>,
+    cells: HashSet<[i32; 3]>,
 }
 
 impl Vicinity {
-    /// O(n log n).
+    /// O(n).
     fn new(places: &Positions, radius: f64) -> Self {
         // So that rounding excludes no place.
         let edge = radius * (1.0 + 1e-6);
-        let unique = |mut keys: Vec<[i32; 3]>| {
-            keys.sort_unstable();
-            keys.dedup();
-            keys
-        };
-        let own = unique((0..places.len()).map(|i| cell_of(places.xyz(i).map(|v| f64::from(v) / edge))).collect());
+        let own: HashSet<[i32; 3]> = places.iter().map(|place| cell_of(place.map(|v| f64::from(v) / edge))).collect();
         let beside = |cell: [i32; 3], i: i32| {
             let offset = [i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1];
             [0, 1, 2].map(|axis| cell[axis].saturating_add(offset[axis]))
         };
-        let around = own.iter().flat_map(|&cell| (0..27).map(move |i| beside(cell, i)));
-        Self { edge, cells: CellIndex::new(unique(around.collect())) }
+        let cells = own.iter().flat_map(|&cell| (0..27).map(move |i| beside(cell, i))).collect();
+        Self { edge, cells }
     }
 
     fn holds(&self, place: [f32; 3]) -> bool {
-        self.cells.find(cell_of(place.map(|v| f64::from(v) / self.edge))).is_some()
+        self.cells.contains(&cell_of(place.map(|v| f64::from(v) / self.edge)))
     }
 }
 
