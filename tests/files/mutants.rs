@@ -176,7 +176,7 @@ fn hunt(format: &str, count: u64) -> Vec<String> {
     let mut next = 0;
     while next < count && finds.len() < 20 {
         let mut child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "child", "--nocapture", "--test-threads=1"])
+            .args(["--exact", "mutants::child", "--nocapture", "--test-threads=1"])
             .env("SCANSION_MUTANT_JOB", format!("{format}:{next}:{count}"))
             .env("MALLOC_ARENA_MAX", "1")
             .env("RAYON_NUM_THREADS", "1")
