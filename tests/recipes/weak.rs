@@ -1,5 +1,6 @@
 //! The recipe of Guinard & Landrieu 2017 end to end: few labels, segments, random field.
 
+use rayon::prelude::*;
 use scansion_core::cloud::{Cloud, Column, Values};
 use scansion_core::evaluation::Confusion;
 use scansion_core::io;
@@ -49,7 +50,8 @@ fn fifteen_labels_a_class_name_an_oakland_street() {
     let params = LabelParams { classes: vec![2, 5, 6, 14, 15], ..LabelParams::default() };
     let labels = read_labels(&cloud, &params).unwrap();
     let means = |settings: &[&str]| {
-        let runs: Vec<Vec<(f64, f64)>> = (0..5).map(|seed| scores(&cloud, &labels, settings, seed)).collect();
+        let runs: Vec<Vec<(f64, f64)>> =
+            (0..5).into_par_iter().map(|seed| scores(&cloud, &labels, settings, seed)).collect();
         let mean = |method: usize| {
             let sum = runs.iter().fold((0.0, 0.0), |sum, run| (sum.0 + run[method].0, sum.1 + run[method].1));
             (sum.0 / 5.0, sum.1 / 5.0)
