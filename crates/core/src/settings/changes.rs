@@ -96,7 +96,7 @@ pub(crate) fn changed<'a, T: DeserializeOwned + Serialize>(
     with_keys(&table, changes, |table| read(&table).map_err(wrong))
 }
 
-/// Reads a table by way of its text. `Table::try_into` would compile a second reader of all settings, which is a tenth of the
+/// Reads a table by way of its text. `Table::try_into` would compile a second reader of all settings, a twentieth of the
 /// program. Errors name a place in that text, which nobody has seen; [`toml::de::Error::message`] is without it.
 pub(crate) fn read<T: DeserializeOwned>(table: &Table) -> std::result::Result<T, toml::de::Error> {
     toml::from_str(&table.to_string())
