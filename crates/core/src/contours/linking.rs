@@ -220,13 +220,13 @@ impl Search<'_> {
         let mask = (self.of.graph.len() as u64 + 1).next_power_of_two() - 1;
         scratch.queue.push(Reverse(key(0.0, first, mask)));
         let mut missing = links.len();
-        while let Some(Reverse(first)) = scratch.queue.pop() {
-            let number = (first & mask) as u32;
+        while let Some(Reverse(next)) = scratch.queue.pop() {
+            let number = (next & mask) as u32;
             let at = &mut scratch.reached[number as usize];
             if std::mem::replace(&mut at.settled, true) {
                 continue;
             }
-            let Reached { node, cost: before, end, .. } = *at;
+            let Reached { node, cost: so_far, end, .. } = *at;
             scratch.number[node as usize] = SETTLED;
             missing -= usize::from(end);
             if missing == 0 {
@@ -239,7 +239,7 @@ impl Search<'_> {
                     UNKNOWN => scratch.add(to, false),
                     known => known,
                 };
-                let cost = before + f64::from(cost);
+                let cost = so_far + f64::from(cost);
                 let at = &mut scratch.reached[known as usize];
                 if cost < at.cost {
                     (at.cost, at.before) = (cost, number);
