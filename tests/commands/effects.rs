@@ -296,7 +296,8 @@ fn training_reports_its_trials_in_every_format() {
     assert!(told.contains("\n\nmax_depth,code,precision,recall,f1_score,class\n3,2,"), "{told}");
     let told = train(&[&csv[..], &small[..], &["--grid", "forest.max_depth=3,9", "--cross-validate", "3"]].concat());
     assert!(told.contains("\n\nsettings,code,precision,recall,f1_score,class\nforest.max_depth=3,2,"), "{told}");
-    let weak = ["--weak", "--per-class", "20", "--grid-strength", "0.5,1"];
+    let quick = ["--set", "neighbourhood.k_step=10", "--set", "forest.trees=20"];
+    let weak = [&["--weak", "--per-class", "20", "--grid-strength", "0.5,1"], &quick[..]].concat();
     let told = train(&[&csv[..2], &weak[..]].concat());
     assert!(told.contains("\n\nstrength,accuracy\n0.5,"), "{told}");
     // The folds are those of both trials. A third of the labels is wrong, so that scores depend on the folds.

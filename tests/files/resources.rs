@@ -220,10 +220,10 @@ fn a_conversion_that_ends_with_an_error_leaves_no_output() {
     let f = folder.path();
     io::write(&f.join("a.laz"), &street(150.0, 4), &Default::default()).unwrap();
     let mut codes = Vec::new();
-    for step in 0..80 {
-        let output = limited(LEAST + 1_000 * step, f, &["convert", "a.laz", "out.npz"]);
+    for step in 0..40 {
+        let output = limited(LEAST + 2_000 * step, f, &["convert", "a.laz", "out.npz"]);
         let (code, there) = (output.status.code(), f.join("out.npz").exists());
-        assert_eq!(there, code == Some(0), "{} kB: {}", LEAST + 1_000 * step, stderr(&output));
+        assert_eq!(there, code == Some(0), "{} kB: {}", LEAST + 2_000 * step, stderr(&output));
         if there {
             std::fs::remove_file(f.join("out.npz")).unwrap();
         }

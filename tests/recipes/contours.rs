@@ -10,7 +10,7 @@ scansion_tests::program!(done, fails);
 
 /// A synthetic room with its classes, and its true edges as an OBJ file.
 fn room(folder: &Path) {
-    let params = SceneParams { seed: 5, rays: 120_000, ..SceneParams::of(SceneKind::Indoor) };
+    let params = SceneParams { seed: 5, rays: 40_000, ..SceneParams::of(SceneKind::Indoor) };
     let made = scene(&params, &Monitor::default()).unwrap();
     let rows: Vec<[f64; 3]> = made.positions.iter().map(|at| at.map(f64::from)).collect();
     let mut cloud = Cloud::from_rows(&rows).unwrap();
