@@ -13,7 +13,9 @@ use serde::{Deserialize, Serialize};
 /// When a building is level with the ground around it.
 ///
 /// Cells in plan that hold building points are joined to components, 8 neighbours a cell. Each pair of such a cell and a
-/// neighbour that holds ground, but no building, is level, drops, or lies between; the highest points of both cells count.
+/// neighbour that holds ground, but no building, is level, drops, or does not count: by the step from the building point to
+/// the ground point that are nearest in plan. Building points more than 1 m below the highest of their cell, which may lie on
+/// a wall, are left out, and so are pairs whose points are more than the edge of a cell apart.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LevelParams {
@@ -24,7 +26,9 @@ pub struct LevelParams {
     pub ground: f64,
     /// Largest step of a level pair, metres; 0 or more.
     pub step: f64,
-    /// Least step down of a pair that drops, metres; not below `step`.
+    /// Pairs with a larger step are level, too, up to this slope, 0 to 1: embankments in thin clouds. 0: none.
+    pub slope: f64,
+    /// Least step down of a pair that drops, metres; not below `step`. A slope that drops is also steeper than 1.
     pub drop: f64,
     /// Level pairs that a component must have at least.
     pub pairs: usize,
@@ -34,7 +38,7 @@ pub struct LevelParams {
 
 impl Default for LevelParams {
     fn default() -> Self {
-        Self { share: 0.5, ground: 0.8, step: 0.5, drop: 1.5, pairs: 3, cell: 1.0 }
+        Self { share: 0.6, ground: 0.9, step: 0.5, slope: 0.75, drop: 1.5, pairs: 3, cell: 1.0 }
     }
 }
 
@@ -47,11 +51,32 @@ pub(super) struct LevelRows {
     pub(super) unknown: Vec<u32>,
 }
 
-/// The highest building point of a cell; if it has none, its highest ground point.
+/// Building points lower than this below the highest of their cell may be of a wall, metres.
+const WALL: f32 = 1.0;
+/// Slope from which on a step is a wall.
+const STEEP: f64 = 1.0;
+/// Points of a cell that are compared with those of another, about at most.
+const SAMPLES: usize = 16;
+
+/// From a building point to the ground point that is nearest in plan.
 #[derive(Clone, Copy, Debug)]
-struct Top {
-    building: bool,
-    height: f32,
+struct Step {
+    /// In plan, metres.
+    distance: f64,
+    /// Metres, positive if the ground is lower.
+    height: f64,
+}
+
+impl Step {
+    /// The shortest one between these points.
+    fn shortest(building: &[[f32; 3]], ground: &[[f32; 3]]) -> Option<Self> {
+        let pairs = building.iter().flat_map(|own| ground.iter().map(move |near| (own, near)));
+        let step = |([x, y, z], [nx, ny, nz]): (&[f32; 3], &[f32; 3])| Self {
+            distance: f64::from(x - nx).hypot(f64::from(y - ny)),
+            height: f64::from(z - nz),
+        };
+        pairs.map(step).min_by(|a, b| a.distance.total_cmp(&b.distance))
+    }
 }
 
 /// Pairs of a component.
@@ -59,6 +84,33 @@ struct Top {
 struct Pairs {
     level: usize,
     drop: usize,
+}
+
+impl Pairs {
+    /// Counts a step, if it is not too far and of one of the two kinds.
+    fn count(&mut self, params: &LevelParams, step: Step, far: f64) {
+        let Step { distance, height } = step;
+        if distance > far {
+            return;
+        }
+        self.level += usize::from(height.abs() < params.step.max(params.slope * distance));
+        self.drop += usize::from(height > params.drop.max(STEEP * distance));
+    }
+}
+
+/// The cells in plan that hold building or ground.
+struct Scene<'a> {
+    params: &'a LevelParams,
+    points: &'a Points,
+    /// A code for each point of the cloud.
+    codes: &'a [u8],
+    /// Rows of `points` that are building or ground; those of a cell are numbers of this list.
+    used: Vec<u32>,
+    cells: Cells<[i32; 2]>,
+    /// Whether each cell holds building.
+    building: Vec<bool>,
+    /// Edge of a cell, metres.
+    edge: f64,
 }
 
 impl LevelParams {
@@ -79,6 +131,9 @@ impl LevelParams {
         if !(self.drop >= self.step && self.drop.is_finite()) {
             return Err(Error::parameter("classes.level.drop", self.drop, "metres, not below classes.level.step"));
         }
+        if !(0.0..=STEEP).contains(&self.slope) {
+            return Err(Error::parameter("classes.level.slope", self.slope, "a slope, 0 to 1"));
+        }
         match self.cell > 0.0 && self.cell.is_finite() {
             true => Ok(()),
             false => Err(Error::parameter("classes.level.cell", self.cell, "metres, above 0")),
@@ -88,34 +143,57 @@ impl LevelParams {
     /// The building points that are level with the ground around them. `codes` has an entry a point of the cloud; `density`
     /// is in points per square metre. O(n).
     pub(super) fn rows(&self, points: &Points, codes: &[u8], density: f64, monitor: &Monitor) -> Result<LevelRows> {
-        let code = |row: usize| codes[points.frame.index[row] as usize];
-        let used: Vec<u32> =
-            (0..points.len() as u32).filter(|&row| matches!(code(row as usize), BUILDING | GROUND)).collect();
+        let code = |row: u32| codes[points.frame.index[row as usize] as usize];
+        let used: Vec<u32> = (0..points.len() as u32).filter(|&row| matches!(code(row), BUILDING | GROUND)).collect();
         let edge = cell_edge(self.cell, SPACINGS, density);
         let cells = Cells::new(used.len(), |i| plan_cell(points, used[i], edge), monitor)?;
-        let rows = |cell: usize| cells.of(cell).iter().map(|&i| used[i as usize]);
-        let top = |cell: usize| {
-            let building = rows(cell).any(|row| code(row as usize) == BUILDING);
-            let counts = rows(cell).filter(|&row| !building || code(row as usize) == BUILDING);
-            Top { building, height: counts.map(|row| points.positions.z[row as usize]).fold(f32::MIN, f32::max) }
-        };
-        let tops: Vec<Top> = (0..cells.len()).map(top).collect();
-        let mut components = UnionFind::new(cells.len());
-        let pairs = self.pairs(&cells, &tops, &mut components, monitor)?;
+        let mut scene = Scene { params: self, points, codes, used, cells, building: Vec::new(), edge };
+        scene.building = (0..scene.cells.len()).map(|cell| scene.buildings(cell).next().is_some()).collect();
+        scene.found(monitor)
+    }
+}
+
+impl Scene<'_> {
+    /// The rows of a cell.
+    fn rows(&self, cell: usize) -> impl Iterator<Item = u32> {
+        self.cells.of(cell).iter().map(|&i| self.used[i as usize])
+    }
+
+    /// The rows of a cell that are building.
+    fn buildings(&self, cell: usize) -> impl Iterator<Item = u32> {
+        self.rows(cell).filter(|&row| self.codes[self.points.frame.index[row as usize] as usize] == BUILDING)
+    }
+
+    /// Some of these points.
+    fn sample(&self, rows: impl Iterator<Item = u32>, lowest: f32) -> Vec<[f32; 3]> {
+        let places = rows.map(|row| self.points.positions.xyz(row as usize));
+        let all: Vec<[f32; 3]> = places.filter(|[_, _, z]| *z >= lowest).collect();
+        let stride = all.len().div_ceil(SAMPLES).max(1);
+        all.into_iter().step_by(stride).collect()
+    }
+
+    /// Some building points near the top of a cell.
+    fn top(&self, cell: usize) -> Vec<[f32; 3]> {
+        let top = self.buildings(cell).map(|row| self.points.positions.z[row as usize]).fold(f32::MIN, f32::max);
+        self.sample(self.buildings(cell), top - WALL)
+    }
+
+    fn found(&self, monitor: &Monitor) -> Result<LevelRows> {
+        let mut components = UnionFind::new(self.building.len());
+        let pairs = self.pairs(&mut components, monitor)?;
         let mut found = LevelRows::default();
-        for cell in (0..cells.len()).filter(|&cell| tops[cell].building) {
+        for cell in (0..self.building.len()).filter(|&cell| self.building[cell]) {
             let Pairs { level, drop } = pairs[components.root(cell as u32) as usize];
             let more_than = |share: f64| level as f64 > share * (level + drop) as f64;
-            if level < self.pairs.max(1) || !more_than(self.share) {
+            if level < self.params.pairs.max(1) || !more_than(self.params.share) {
                 continue;
             }
-            let buildings = || rows(cell).filter(|&row| code(row as usize) == BUILDING);
-            let z = |row: u32| points.positions.z[row as usize];
-            let lowest = buildings().map(z).fold(f32::MAX, f32::min);
-            for row in buildings() {
+            let z = |row: u32| self.points.positions.z[row as usize];
+            let lowest = self.buildings(cell).map(z).fold(f32::MAX, f32::min);
+            for row in self.buildings(cell) {
                 // Wires above a hilltop are part of its component.
-                let low = f64::from(z(row) - lowest) <= self.drop;
-                let list = if low && more_than(self.ground) { &mut found.ground } else { &mut found.unknown };
+                let low = f64::from(z(row) - lowest) <= self.params.drop;
+                let list = if low && more_than(self.params.ground) { &mut found.ground } else { &mut found.unknown };
                 list.push(row);
             }
         }
@@ -123,32 +201,24 @@ impl LevelParams {
     }
 
     /// Joins the building cells to components, and counts the pairs of each at its root.
-    fn pairs(
-        &self,
-        cells: &Cells<[i32; 2]>,
-        tops: &[Top],
-        components: &mut UnionFind,
-        monitor: &Monitor,
-    ) -> Result<Vec<Pairs>> {
-        let mut own = vec![Pairs::default(); cells.len()];
-        if !cells.keys.is_empty() {
-            let mut walk = Walk::<1>::new(&cells.keys, 0);
-            for piece in watched(cells.len(), monitor) {
-                for cell in piece?.filter(|&cell| tops[cell].building) {
+    fn pairs(&self, components: &mut UnionFind, monitor: &Monitor) -> Result<Vec<Pairs>> {
+        let mut own = vec![Pairs::default(); self.building.len()];
+        if !self.building.is_empty() {
+            let mut walk = Walk::<1>::new(&self.cells.keys, 0);
+            for piece in watched(self.building.len(), monitor) {
+                for cell in piece?.filter(|&cell| self.building[cell]) {
+                    let top = self.top(cell);
                     walk.around(cell, |near, _| {
-                        let step = f64::from(tops[cell].height - tops[near].height);
-                        if tops[near].building {
+                        if self.building[near] {
                             components.unite(cell as u32, near as u32);
-                        } else if step.abs() < self.step {
-                            own[cell].level += 1;
-                        } else if step > self.drop {
-                            own[cell].drop += 1;
+                        } else if let Some(step) = Step::shortest(&top, &self.sample(self.rows(near), f32::MIN)) {
+                            own[cell].count(self.params, step, self.edge);
                         }
                     });
                 }
             }
         }
-        let mut sums = vec![Pairs::default(); cells.len()];
+        let mut sums = vec![Pairs::default(); own.len()];
         for (cell, own) in own.iter().enumerate() {
             let sum = &mut sums[components.root(cell as u32) as usize];
             *sum = Pairs { level: sum.level + own.level, drop: sum.drop + own.drop };
@@ -207,6 +277,36 @@ mod tests {
         assert_eq!(none, LevelRows::default());
     }
 
+    /// A row of the ground, 0.35 points a square metre, and on it an embankment, 6 m high and 10 m wide at the top, or a house
+    /// of that width; only the top is named building.
+    fn thin(foot: f64) -> (Points, Vec<u8>) {
+        // A low-discrepancy sequence: Roberts 2018, with the plastic number.
+        let place =
+            |i: u32| [100.0 * (f64::from(i) * 0.754_877_666).fract(), 60.0 * (f64::from(i) * 0.569_840_291).fract()];
+        let height = |y: f64| (6.0 - ((y - 30.0).abs() - 5.0) * 6.0 / foot).clamp(0.0, 6.0);
+        let rows: Vec<[f64; 3]> = (0..2100).map(place).map(|[x, y]| [x, y, height(y)]).collect();
+        let codes = rows.iter().map(|&[_, _, z]| if z >= 6.0 { BUILDING } else { GROUND }).collect();
+        (Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0), codes)
+    }
+
+    #[test]
+    fn the_top_of_an_embankment_in_a_thin_cloud_is_ground_and_a_long_house_is_none() {
+        let found = |foot: f64, slope: f64| {
+            let scene = thin(foot);
+            let params = LevelParams { slope, ..LevelParams::default() };
+            let rows = params.rows(&scene.0, &scene.1, 0.35, &Monitor::default()).unwrap();
+            let named = scene.1.iter().filter(|&&code| code == BUILDING).count();
+            (rows.ground.len(), rows.unknown.len(), named)
+        };
+        // Slopes of 1 : 1.5.
+        let (ground, unknown, named) = found(9.0, LevelParams::default().slope);
+        assert_eq!((ground, unknown), (named, 0));
+        let (ground, unknown, _) = found(9.0, 0.0);
+        assert_eq!(ground + unknown, 0, "by steps alone it stays a building");
+        let (ground, unknown, _) = found(0.01, LevelParams::default().slope);
+        assert_eq!(ground + unknown, 0, "walls");
+    }
+
     #[test]
     fn clouds_without_buildings_or_ground_have_none() {
         assert_eq!(found(&scene(|_, _| 0.0, |_, _| None)), [0, 0]);
@@ -214,5 +314,6 @@ mod tests {
         assert_eq!(found(&(Points::default(), Vec::new())), [0, 0]);
         assert!(LevelParams { share: 1.5, ..LevelParams::default() }.validate().is_err());
         assert!(LevelParams { step: 2.0, ..LevelParams::default() }.validate().is_err());
+        assert!(LevelParams { slope: 1.1, ..LevelParams::default() }.validate().is_err());
     }
 }
