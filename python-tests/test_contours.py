@@ -11,7 +11,7 @@ from scansion import contours
 
 @pytest.fixture(scope="module")
 def room():
-    return contours.synthetic_scene("indoor", random_state=77, rays=250_000)
+    return contours.synthetic_scene("indoor", random_state=77, rays=80_000)
 
 
 @pytest.fixture(scope="module")
