@@ -26,7 +26,7 @@ pub struct LevelParams {
     pub ground: f64,
     /// Largest step of a level pair, metres; 0 or more.
     pub step: f64,
-    /// Pairs with a larger step are level, too, up to this slope, 0 to 1: embankments in thin clouds. 0: none.
+    /// Pairs with a larger step are level, too, up to this slope (height by distance, 0 to 1): embankments in thin clouds.
     pub slope: f64,
     /// Least step down of a pair that drops, metres; not below `step`. A slope that drops is also steeper than 1.
     pub drop: f64,
@@ -291,20 +291,18 @@ mod tests {
 
     #[test]
     fn the_top_of_an_embankment_in_a_thin_cloud_is_ground_and_a_long_house_is_none() {
-        let found = |foot: f64, slope: f64| {
+        let found = |foot: f64| {
             let scene = thin(foot);
-            let params = LevelParams { slope, ..LevelParams::default() };
-            let rows = params.rows(&scene.0, &scene.1, 0.35, &Monitor::default()).unwrap();
+            let rows = LevelParams::default().rows(&scene.0, &scene.1, 0.35, &Monitor::default()).unwrap();
             let named = scene.1.iter().filter(|&&code| code == BUILDING).count();
             (rows.ground.len(), rows.unknown.len(), named)
         };
         // Slopes of 1 : 1.5.
-        let (ground, unknown, named) = found(9.0, LevelParams::default().slope);
+        let (ground, unknown, named) = found(9.0);
         assert_eq!((ground, unknown), (named, 0));
-        let (ground, unknown, _) = found(9.0, 0.0);
-        assert_eq!(ground + unknown, 0, "by steps alone it stays a building");
-        let (ground, unknown, _) = found(0.01, LevelParams::default().slope);
-        assert_eq!(ground + unknown, 0, "walls");
+        // Walls.
+        let (ground, unknown, named) = found(0.01);
+        assert!(ground + unknown == 0 && named > 100, "{ground} {unknown} of {named}");
     }
 
     #[test]
