@@ -11,6 +11,7 @@ use crate::memory;
 use crate::nn::scalar::Scalar;
 use crate::parallel::{Monitor, map_ordered, map_ordered_with};
 use std::ops::Range;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The output of a convolution.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +47,15 @@ enum Keep {
     Bound,
 }
 
+/// The share of a part in the responses of a channel that are kept.
+#[derive(Clone, Copy, Debug)]
+struct Share {
+    /// By its inputs.
+    fair: f64,
+    /// Number of responses of which the others may be dropped.
+    enough: usize,
+}
+
 /// Cells of a sample: the same strip of some layers along the first axis.
 #[derive(Clone, Debug)]
 struct Part {
@@ -57,8 +67,9 @@ struct Part {
 /// The responses of a tensor, in parts: layers of a sample, or strips of them, for a group of output channels.
 ///
 /// A part first keeps about as many of its strongest responses as the bound of the whole leaves it, and on the way as many as
-/// the inputs so far let expect. Where some that it dropped may be among the strongest of the whole, it is computed again and
-/// keeps as many as the bound. Parts hold about three times the bound in all, and 2 [`TASKS`] times at worst.
+/// the inputs so far let expect, of those that exceed what parts before it let expect. Where some that it dropped may be among
+/// the strongest of the whole, it is computed again and keeps as many as the bound: which parts are done before does not change
+/// the result. Parts hold about three times the bound in all, and 2 [`TASKS`] times at worst.
 pub(super) struct Work<'a, T> {
     filter: &'a SparseFilter<T>,
     bias: &'a [T],
@@ -73,6 +84,9 @@ pub(super) struct Work<'a, T> {
     interior: Vec<bool>,
     /// Most responses that a channel of a sample keeps.
     most: usize,
+    /// For each sample and group what a response of each output channel has to exceed, as the parts that are computed let
+    /// expect; 0: unknown.
+    bars: Vec<Mutex<[T; LANES]>>,
 }
 
 impl<'a, T: Scalar> Work<'a, T> {
@@ -96,7 +110,8 @@ impl<'a, T: Scalar> Work<'a, T> {
         memory::reserve(&mut interior, layer, "the buffer of a convolution")?;
         interior.extend((0..layer).map(|cell| Place::new(cell, shape, filter.size / 2, 1).interior));
         let most = selection.map_or(usize::MAX, |selection| selection.most(shape.cells()));
-        Ok(Self { filter, bias, selection, input, taps, parts, strips, interior, most })
+        let bars = (0..shape.samples * taps.len()).map(|_| Mutex::new([T::ZERO; LANES])).collect();
+        Ok(Self { filter, bias, selection, input, taps, parts, strips, interior, most, bars })
     }
 
     /// The responses that are kept.
@@ -126,26 +141,40 @@ impl<'a, T: Scalar> Work<'a, T> {
             let (sample, group) = (rest / self.taps.len(), rest % self.taps.len());
             let Part { layers, strip } = self.parts[part].clone();
             let inputs = self.inputs(sample, &layers, &strip);
-            let enough = match keep {
-                Keep::Expected if self.parts.len() > 1 => self.expected(sample, inputs),
-                _ => self.most,
-            };
-            let enough_at_first = if self.parts.len() < MANY { enough } else { enough.min(FEWEST) };
+            let share = self.share(sample, inputs, keep);
+            let many = self.parts.len() >= MANY;
+            let enough_at_first = if many { share.enough.min(FEWEST) } else { share.enough };
+            let learns = self.selection.filter(|_| many && matches!(keep, Keep::Expected));
+            let least = learns.map_or([T::ZERO; LANES], |_| *self.bar(rest));
             let mut bias = [T::ZERO; LANES];
             bias.iter_mut().zip(self.bias.iter().skip(group * LANES)).for_each(|(to, &from)| *to = from);
-            let how = Collecting { bias, selection: self.selection, enough, enough_at_first };
+            let how = Collecting { bias, selection: self.selection, enough: share.enough, enough_at_first, least };
             let (taps, reach, interior) = (&self.taps[group][..], self.filter.size / 2, &self.interior[..]);
-            Piece { input: self.input, taps, sample, layers, strip, inputs, interior, reach }.responses(window, &how)
+            let piece = Piece { input: self.input, taps, sample, layers, strip, inputs, interior, reach };
+            let found = piece.responses(window, &how)?;
+            if let Some(selection) = learns {
+                learn(&mut self.bar(rest), &found, &share, selection);
+            }
+            Ok(found)
         })
     }
 
-    /// Number of responses of a channel that a part with so many inputs should keep: its share of them, and some more.
-    fn expected(&self, sample: usize, inputs: usize) -> usize {
+    /// What the responses of a sample and group have to exceed.
+    fn bar(&self, number: usize) -> MutexGuard<'_, [T; LANES]> {
+        self.bars[number].lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The share of a part with so many inputs in the responses of a channel that are kept.
+    fn share(&self, sample: usize, inputs: usize, keep: Keep) -> Share {
         let Shape { channels, extent, .. } = self.input.shape();
         let all = sample * channels..(sample + 1) * channels;
         let all: usize = all.map(|plane| self.input.entries(plane, 0..extent.iter().product()).len()).sum();
-        let share = inputs as f64 / all.max(1) as f64;
-        self.most.min((SLACK * share * self.most as f64) as usize + FEWEST)
+        let fair = inputs as f64 / all.max(1) as f64 * self.most as f64;
+        let enough = match keep {
+            Keep::Expected if self.parts.len() > 1 => self.most.min((SLACK * fair) as usize + FEWEST),
+            _ => self.most,
+        };
+        Share { fair, enough }
     }
 
     /// Number of inputs in a strip of some layers.
@@ -228,15 +257,15 @@ impl<'a, T: Scalar> Work<'a, T> {
         let mut kept = 0;
         for (plane, &(number, lane)) in places.iter().enumerate() {
             let base = (plane * to.cells()) as u64;
-            let mut limit = limits.map(|(_, limits)| limits[number * LANES + lane]);
-            // Without branches, which the processor could not foresee.
-            for &(cell, response) in self.in_order(groups[number], lane).into_iter().flatten() {
-                (keys[kept], values[kept]) = (base + cell as u64, response);
-                let taken = match (limits, &mut limit) {
-                    (Some((selection, _)), Some(limit)) => limit.takes(selection.strength(response)),
-                    _ => true,
-                };
-                kept += usize::from(taken);
+            let mut limit = limits.map(|(selection, limits)| (selection, limits[number * LANES + lane]));
+            for piece in self.in_order(groups[number], lane) {
+                // Without branches, which the processor could not foresee.
+                for &(cell, response) in piece {
+                    (keys[kept], values[kept]) = (base + cell as u64, response);
+                    let taken =
+                        limit.as_mut().is_none_or(|(selection, limit)| limit.takes(selection.strength(response)));
+                    kept += usize::from(taken);
+                }
             }
         }
         keys.truncate(kept);
@@ -254,6 +283,19 @@ impl<'a, T: Scalar> Work<'a, T> {
             }
         }
         Ok(Responses { tensor: SparseTensor::of_sorted(to, keys, values), densities })
+    }
+}
+
+/// Sets what responses have to exceed by what a part found. A part that found less than its share makes it unknown again: it was
+/// that of a part with more strong responses than others, many of which would have to be computed again.
+fn learn<T: Scalar>(bar: &mut [T; LANES], found: &Found<T>, share: &Share, selection: Selection) {
+    for (lane, bar) in bar.iter_mut().enumerate() {
+        let entries = &found.entries[lane];
+        if (entries.len() as f64) < share.fair {
+            *bar = T::ZERO;
+        } else if *bar == T::ZERO && found.dropped[lane] && entries.len() > share.enough {
+            *bar = selection.limit(share.enough, entries.iter()).least;
+        }
     }
 }
 

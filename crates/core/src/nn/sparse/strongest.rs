@@ -5,8 +5,14 @@ use super::slab::{LANES, Sums};
 use crate::nn::scalar::Scalar;
 use std::cmp::Ordering;
 
-/// Cells that are taken together, a bit of a byte each.
+/// Cells of a block: those whose operations the compiler writes out.
 pub(super) const MARKED: usize = 8;
+/// Blocks that are taken together, at most: they stay in the innermost cache until they are cleared.
+pub(super) const TOGETHER: usize = 64;
+/// Blocks whose cells have a bit of a word each.
+const IN_WORD: usize = u32::BITS as usize / MARKED;
+/// Words for blocks that are taken together, one for each output channel.
+const WORDS: usize = TOGETHER / IN_WORD * LANES;
 /// Cells after which counts are taken over, while `f32` still holds them exactly.
 const UNCOUNTED: usize = 1 << 20;
 
@@ -17,9 +23,9 @@ pub(super) struct Found<T> {
     pub(super) entries: [Vec<(usize, T)>; LANES],
     /// Number of responses above 0 of each output channel, also of those that are not kept.
     pub(super) counted: [usize; LANES],
-    /// Whether responses of each output channel were dropped to have no more than enough.
+    /// Whether responses of each output channel may have been dropped.
     pub(super) dropped: [bool; LANES],
-    /// Strength of the weakest that was left then; none that was dropped is stronger.
+    /// None that was dropped is stronger than this.
     pub(super) least: [T; LANES],
 }
 
@@ -34,6 +40,8 @@ pub(super) struct Collecting<T> {
     pub(super) enough: usize,
     /// The same at the beginning; it grows with the share of the inputs that were added.
     pub(super) enough_at_first: usize,
+    /// Responses of a channel that are not stronger than this are dropped from the beginning; 0: none.
+    pub(super) least: [T; LANES],
 }
 
 /// Collects responses cell after cell.
@@ -71,8 +79,8 @@ impl<T: Scalar> Strongest<T> {
             more_enough: how.enough.saturating_sub(enough_at_first),
             enough: enough_at_first,
             full: 0,
-            least: [T::ZERO; LANES],
-            dropped: [false; LANES],
+            least: how.least,
+            dropped: how.least.map(|least| least > T::ZERO),
             counting: [T::ZERO; LANES],
             counted: [0; LANES],
             cells: 0,
@@ -89,49 +97,75 @@ impl<T: Scalar> Strongest<T> {
         self.full = self.enough.saturating_add(self.enough_at_first.max(self.enough / 2));
     }
 
-    /// Takes the sums of neighbouring cells, which become responses; cells come in ascending order.
+    /// Takes the sums of neighbouring cells, [`TOGETHER`] blocks at most, which become responses, and sets them to 0; cells come
+    /// in ascending order.
     #[inline(always)]
-    pub(super) fn take(&mut self, first: usize, sums: &[Sums<T>; MARKED]) {
-        match self.attention {
-            Some(Attention::Positive) => self.keep(first, sums, |response| response),
-            Some(Attention::Magnitude) | None => self.keep(first, sums, T::magnitude),
-        }
-        self.cells += MARKED;
+    pub(super) fn take(&mut self, first: usize, blocks: &mut [[Sums<T>; MARKED]]) {
+        let words = match self.attention {
+            Some(Attention::Positive) => self.strong(blocks, |response| response),
+            Some(Attention::Magnitude) | None => self.strong(blocks, T::magnitude),
+        };
+        let words = &words.as_flattened()[..blocks.len().div_ceil(IN_WORD) * LANES];
+        self.keep(first, blocks.as_flattened(), words);
+        blocks.fill([Sums([T::ZERO; LANES]); MARKED]);
+        self.cells += MARKED * blocks.len();
         if self.cells > UNCOUNTED {
             self.count();
         }
     }
 
-    /// Counts responses above 0 and keeps those that are stronger than the least of their channel. Plain loops over local
-    /// copies, which the compiler turns into operations on all channels at once.
+    /// Counts responses above 0, and finds those that are stronger than the least of their channel: words for each
+    /// channel, a bit for each cell. Plain loops over local copies, which the compiler turns into operations on all channels at
+    /// once; none across channels, which would cost more than all others.
     #[inline(always)]
-    fn keep(&mut self, first: usize, sums: &[Sums<T>; MARKED], strength: impl Fn(T) -> T) {
+    fn strong(&mut self, blocks: &[[Sums<T>; MARKED]], strength: impl Fn(T) -> T) -> [[u32; LANES]; WORDS / LANES] {
         let (bias, least) = (self.bias, self.least);
-        // For each channel the responses above 0, of every second cell, so that no addition waits for that of the cell before;
-        // and a bit a cell that is strong, without operations across channels, which would cost more than all others.
-        let (mut counted, mut strong) = ([[T::ZERO; LANES]; 2], [0u32; LANES]);
-        for (cell, &Sums(mut values)) in sums.iter().enumerate() {
-            for lane in 0..LANES {
-                let moved = values[lane] + bias[lane];
-                values[lane] = if values[lane] == T::ZERO { T::ZERO } else { moved };
+        let mut words = [[0; LANES]; WORDS / LANES];
+        // Of every second cell, so that no addition waits for that of the cell before.
+        let mut counted = [[T::ZERO; LANES]; 2];
+        for (words, blocks) in words.iter_mut().zip(blocks.chunks(IN_WORD)) {
+            let mut strong = [0u32; LANES];
+            for (first, cells) in (0..).step_by(MARKED).zip(blocks) {
+                for (cell, &Sums(mut values)) in cells.iter().enumerate() {
+                    for lane in 0..LANES {
+                        let moved = values[lane] + bias[lane];
+                        values[lane] = if values[lane] == T::ZERO { T::ZERO } else { moved };
+                    }
+                    for lane in 0..LANES {
+                        counted[cell % 2][lane] += if values[lane] > T::ZERO { T::ONE } else { T::ZERO };
+                    }
+                    let bit = 1 << (first + cell);
+                    for lane in 0..LANES {
+                        strong[lane] |= if strength(values[lane]) > least[lane] { bit } else { 0 };
+                    }
+                }
             }
-            for lane in 0..LANES {
-                counted[cell % 2][lane] += if values[lane] > T::ZERO { T::ONE } else { T::ZERO };
-            }
-            for lane in 0..LANES {
-                strong[lane] |= if strength(values[lane]) > least[lane] { 1 << cell } else { 0 };
-            }
+            *words = strong;
         }
         for (sum, (&even, &odd)) in self.counting.iter_mut().zip(counted[0].iter().zip(&counted[1])) {
             *sum += even + odd;
         }
-        let mut strong = u64::from_le_bytes(strong.map(|cells| cells as u8));
-        while strong != 0 {
-            let bit = strong.trailing_zeros() as usize;
-            strong &= strong - 1;
-            let (lane, cell) = (bit / MARKED, bit % MARKED);
-            // A strong response is not 0, and so was its sum.
-            self.push(lane, first + cell, sums[cell].0[lane] + bias[lane]);
+        words
+    }
+
+    /// Keeps the strong responses of some cells.
+    #[inline(always)]
+    fn keep(&mut self, first: usize, cells: &[Sums<T>], words: &[u32]) {
+        // The words with a strong response, found without branches, which the processor could not foresee.
+        let (mut numbers, mut count) = ([0u8; WORDS], 0);
+        for (number, word) in (0..).zip(words) {
+            numbers[count % WORDS] = number;
+            count += usize::from(*word != 0);
+        }
+        for number in numbers[..count].iter().map(|number| usize::from(*number)) {
+            let (lane, start) = (number % LANES, number / LANES * IN_WORD * MARKED);
+            let mut strong = words[number];
+            while strong != 0 {
+                let cell = start + strong.trailing_zeros() as usize;
+                strong &= strong - 1;
+                // A strong response is not 0, and so was its sum.
+                self.push(lane, first + cell, cells[cell].0[lane] + self.bias[lane]);
+            }
         }
     }
 

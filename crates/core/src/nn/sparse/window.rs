@@ -2,7 +2,7 @@
 //! input is visited once, or twice at the border of two strips.
 
 use super::slab::{LANES, Place, RUN, Run, Sums, Taps, Target};
-use super::strongest::{Collecting, Found, MARKED, Strongest};
+use super::strongest::{Collecting, Found, MARKED, Strongest, TOGETHER};
 use super::tensor::SparseTensor;
 use crate::error::Result;
 use crate::memory;
@@ -12,12 +12,14 @@ use std::ops::Range;
 
 /// Cells of the inputs of a step, at least one layer along the first axis.
 const STEP: usize = 1 << 12;
-/// Cells of a block, whose input channels are added in turn, so that what they add to stays in the innermost cache. A block is a
+/// Cells of a block, whose input channels are added in turn, so that what they add to stays in the cache. A block is a
 /// piece of a layer or some whole layers.
-const BLOCK: usize = 1024;
+const BLOCK: usize = 4096;
 /// Cells by which layers of the buffer lie further apart than they need, so that those above each other do not compete for the same
 /// places of the cache.
 const APART: usize = 5 * MARKED;
+/// Rows of outputs that inputs reach, for each block of outputs, below which blocks are marked.
+const SPARSE: f64 = 1.0;
 /// No layer of the buffer.
 const OUTSIDE: usize = usize::MAX;
 
@@ -43,6 +45,7 @@ pub(super) struct Piece<'a, T> {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Window<T> {
     values: Vec<Sums<T>>,
+    /// For each block whether it was written to; empty if nearly all are.
     written: Vec<bool>,
 }
 
@@ -54,9 +57,16 @@ impl<T: Scalar> Piece<'_, T> {
     pub(super) fn responses(&self, window: &mut Window<T>, how: &Collecting<T>) -> Result<Found<T>> {
         let mut strongest = Strongest::new(how);
         let layout = Layout::new(self);
-        window.fit(layout.ring.saturating_mul(layout.slot))?;
+        window.fit(layout.ring.saturating_mul(layout.slot), self.is_sparse())?;
         Arch::new().dispatch(Pass { part: self, layout, window, strongest: &mut strongest });
         Ok(strongest.found())
+    }
+
+    /// Whether most blocks of outputs stay empty, so that it pays to mark the others.
+    fn is_sparse(&self) -> bool {
+        let runs: usize = self.taps.iter().map(|taps| taps.runs.len()).sum();
+        let reached = self.inputs as f64 * runs as f64 / self.taps.len() as f64;
+        reached < SPARSE * (self.layers.len() * self.strip.len() / MARKED) as f64
     }
 }
 
@@ -71,7 +81,7 @@ impl<T: Scalar> Window<T> {
             sums[lane] = value.mul_add(weights[lane], sums[lane]);
         }
         self.values[at] = Sums(sums);
-        self.written[at / MARKED] = true;
+        self.mark(at);
     }
 
     /// Adds an input to the outputs of a run of weights; `from` is its place in the layer of these outputs.
@@ -79,16 +89,16 @@ impl<T: Scalar> Window<T> {
     fn add_run(&mut self, from: usize, value: T, run: &Run<T>) {
         let at = from.wrapping_add_signed(run.within);
         if let (RUN, Some((sums, _))) = (run.length, self.values[at..].split_first_chunk_mut::<RUN>()) {
-            // Copies, so that the compiler sees that they do not overlap.
-            let mut own = *sums;
-            for (Sums(sums), weights) in own.iter_mut().zip(&run.weights) {
+            // Cell after cell: one access to all three would often lie in two lines of the cache.
+            for (to, weights) in sums.iter_mut().zip(&run.weights) {
+                let Sums(mut own) = *to;
                 for lane in 0..LANES {
-                    sums[lane] = value.mul_add(weights[lane], sums[lane]);
+                    own[lane] = value.mul_add(weights[lane], own[lane]);
                 }
+                *to = Sums(own);
             }
-            *sums = own;
-            self.written[at / MARKED] = true;
-            self.written[(at + RUN - 1) / MARKED] = true;
+            self.mark(at);
+            self.mark(at + RUN - 1);
             return;
         }
         for (cell, weights) in (at..).zip(&run.weights[..run.length]) {
@@ -97,17 +107,27 @@ impl<T: Scalar> Window<T> {
                 sums[lane] = value.mul_add(weights[lane], sums[lane]);
             }
             self.values[cell] = Sums(sums);
-            self.written[cell / MARKED] = true;
+            self.mark(cell);
         }
     }
 
-    /// Room for so many cells.
-    fn fit(&mut self, cells: usize) -> Result<()> {
+    #[inline(always)]
+    fn mark(&mut self, cell: usize) {
+        if let Some(written) = self.written.get_mut(cell / MARKED) {
+            *written = true;
+        }
+    }
+
+    /// Room for so many cells, of which blocks that are written to are marked or not.
+    fn fit(&mut self, cells: usize, marks: bool) -> Result<()> {
         let more = cells.saturating_sub(self.values.len());
         memory::reserve(&mut self.values, more, "the buffer of a convolution")?;
-        memory::reserve(&mut self.written, more / MARKED, "the buffer of a convolution")?;
         self.values.resize(self.values.len() + more, Sums([T::ZERO; LANES]));
-        self.written.resize(self.values.len() / MARKED, false);
+        self.written.clear();
+        if marks {
+            memory::reserve(&mut self.written, cells / MARKED, "the buffer of a convolution")?;
+            self.written.resize(cells / MARKED, false);
+        }
         Ok(())
     }
 }
@@ -129,8 +149,8 @@ struct Layout {
     inputs: Range<usize>,
     /// Input cells within a layer.
     around: Range<usize>,
-    /// Input cells within a layer whose outputs all lie in the strip, apart from the ends of a layer.
-    inner: Range<usize>,
+    /// Cells of the buffer before and behind a strip: those that inputs near it reach too, and nobody reads.
+    margin: usize,
 }
 
 impl Layout {
@@ -144,16 +164,16 @@ impl Layout {
         let far = part.input.shape().farthest(part.reach);
         let Range { start, end } = part.strip;
         let around = start.saturating_sub(far)..(end + far).min(layer);
-        let inner = if start == 0 { 0 } else { start + far }..if end == layer { end } else { end.saturating_sub(far) };
+        let margin = if part.strip.len() == layer { 0 } else { (2 * far).next_multiple_of(MARKED) };
         Self {
             layer,
-            slot: part.strip.len().next_multiple_of(MARKED) + APART,
+            margin,
+            slot: 2 * margin + part.strip.len().next_multiple_of(MARKED) + APART,
             ring,
             group,
             step,
             inputs,
             around,
-            inner,
         }
     }
 
@@ -167,13 +187,9 @@ impl Layout {
     }
 }
 
-/// Where the layers that an input layer reaches begin in the buffer, the first one `reach` before it.
-#[derive(Clone, Copy, Debug, Default)]
-struct Bases {
-    layers: [usize; 16],
-    /// Whether all of them belong to the piece; the others are [`OUTSIDE`].
-    inside: bool,
-}
+/// Where the layers that an input layer reaches begin in the buffer, the first one `reach` before it; those that do not
+/// belong to the piece are [`OUTSIDE`].
+type Bases = [usize; 16];
 
 /// Adds the responses of a piece step by step and hands on those of layers that are complete.
 struct Pass<'a, 'b, T> {
@@ -256,7 +272,7 @@ impl<T: Scalar> Pass<'_, '_, T> {
         let start = ((part.sample * part.taps.len() + channel) * input.shape().cells()) as u64;
         let end = start + cells.end as u64;
         let entries = input.keys()[first..].iter().zip(&input.values()[first..]);
-        let (mut layer_end, mut layer_start, mut bases) = (start, start, Bases::default());
+        let (mut layer_end, mut layer_start, mut bases) = (start, start, [OUTSIDE; 16]);
         let mut count = 0;
         for (&key, &value) in entries.take_while(|(key, _)| **key < end) {
             if key >= layer_end {
@@ -275,11 +291,10 @@ impl<T: Scalar> Pass<'_, '_, T> {
     #[inline(always)]
     fn bases(&self, z: usize) -> Bases {
         let Layout { slot, ring, .. } = self.layout;
-        let mut bases = Bases { layers: [OUTSIDE; 16], inside: true };
-        for (step, base) in bases.layers.iter_mut().enumerate().take(2 * self.part.reach + 1) {
+        let mut bases = [OUTSIDE; 16];
+        for (step, base) in bases.iter_mut().enumerate().take(2 * self.part.reach + 1) {
             let output = (z + step).checked_sub(self.part.reach).filter(|z| self.part.layers.contains(z));
             *base = output.map_or(OUTSIDE, |output| output % ring * slot);
-            bases.inside &= *base != OUTSIDE;
         }
         bases
     }
@@ -287,22 +302,24 @@ impl<T: Scalar> Pass<'_, '_, T> {
     /// Adds an input to all outputs that its weights lead to.
     #[inline(always)]
     fn scatter(&mut self, cell: usize, value: T, taps: &Taps<T>, bases: &Bases) {
-        let (part, strip) = (self.part, &self.part.strip);
-        if part.interior[cell] && bases.inside && self.layout.inner.contains(&cell) {
-            let from = cell - strip.start;
+        let part = self.part;
+        let from = cell + self.layout.margin - part.strip.start;
+        if part.interior[cell] {
             for run in &taps.runs {
                 // At most 15, which the compiler does not know.
-                self.window.add_run(bases.layers[run.layer & 15] + from, value, run);
+                let base = bases[run.layer & 15];
+                if base != OUTSIDE {
+                    self.window.add_run(base + from, value, run);
+                }
             }
             return;
         }
         let shape = part.input.shape();
         let place = Place::new(cell, shape, part.reach, 1);
         for tap in &taps.taps {
-            let base = bases.layers[tap.target.layer];
-            let to = cell.wrapping_add_signed(tap.target.within);
-            if base != OUTSIDE && tap.stays(&place, shape, 1) && strip.contains(&to) {
-                self.window.add((base + cell).wrapping_sub(strip.start), value, &tap.target);
+            let base = bases[tap.target.layer];
+            if base != OUTSIDE && tap.stays(&place, shape, 1) {
+                self.window.add(base + from, value, &tap.target);
             }
         }
     }
@@ -310,15 +327,25 @@ impl<T: Scalar> Pass<'_, '_, T> {
     /// Hands on the responses of a layer and clears it.
     #[inline(always)]
     fn drain(&mut self, z: usize) {
-        let Layout { layer, slot, ring, .. } = self.layout;
-        let (base, start) = (z % ring * slot, self.part.strip.start);
-        let marks = base / MARKED..(base + slot) / MARKED;
-        let (blocks, _) = self.window.values[base..base + slot].as_chunks_mut::<MARKED>();
-        for ((written, cells), first) in self.window.written[marks].iter_mut().zip(blocks).zip((0..).step_by(MARKED)) {
-            if std::mem::take(written) {
-                self.strongest.take(z * layer + start + first, cells);
-                *cells = [Sums([T::ZERO; LANES]); MARKED];
+        let Layout { layer, slot, ring, margin, .. } = self.layout;
+        let (base, strip) = (z % ring * slot, &self.part.strip);
+        let values = &mut self.window.values[base..base + slot];
+        values[..margin].fill(Sums([T::ZERO; LANES]));
+        values[margin + strip.len()..].fill(Sums([T::ZERO; LANES]));
+        let (blocks, _) = values[margin..].as_chunks_mut::<MARKED>();
+        let blocks = &mut blocks[..strip.len().div_ceil(MARKED)];
+        let marks = (base + margin) / MARKED;
+        let written = self.window.written.get_mut(marks..marks + blocks.len()).unwrap_or_default();
+        let mut next = 0;
+        while next < blocks.len() {
+            let mut end = (next + TOGETHER).min(blocks.len());
+            if !written.is_empty() {
+                next += written[next..].iter().take_while(|written| !**written).count();
+                end = next + written[next..].iter().take(TOGETHER).take_while(|written| **written).count();
+                written[next..end].fill(false);
             }
+            self.strongest.take(z * layer + strip.start + next * MARKED, &mut blocks[next..end]);
+            next = end;
         }
     }
 }
