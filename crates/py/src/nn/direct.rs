@@ -63,7 +63,8 @@ pub(crate) fn sparse_convolution<'py>(
         let Tensors { input, filter } = layer.tensors(keys, values, weights)?;
         SparseConvolution { filter: &filter, bias, selection: layer.selection }.forward(&input, monitor)
     })?;
-    Ok((PyArray1::from_slice(py, found.keys()), PyArray1::from_slice(py, found.values())))
+    let (keys, values) = found.into_parts();
+    Ok((PyArray1::from_vec(py, keys), PyArray1::from_vec(py, values)))
 }
 
 /// The gradients of the values (in the order of ascending keys), of all weights (0 where there is none) and of the bias.

@@ -79,16 +79,21 @@ impl<T: Scalar> SparseTensor<T> {
         if let Some(value) = values.iter().find(|value| !value.finite()) {
             return Err(Error::input(format!("{value:?} is not finite (allowed: finite values)")));
         }
-        let mut entries: Vec<(u64, T)> = keys.into_iter().zip(values).collect();
-        entries.sort_by_key(|entry| entry.0);
+        let (keys, values) = match keys.is_sorted() {
+            true => (keys, values),
+            false => {
+                let mut entries: Vec<(u64, T)> = keys.into_iter().zip(values).collect();
+                entries.sort_by_key(|entry| entry.0);
+                entries.into_iter().unzip()
+            }
+        };
         let end = (shape.planes() * shape.cells()) as u64;
-        if let Some((key, _)) = entries.last().filter(|entry| entry.0 >= end) {
+        if let Some(key) = keys.last().filter(|key| **key >= end) {
             return Err(Error::input(format!("key {key} (allowed: below {end})")));
         }
-        if let Some(twice) = entries.windows(2).find(|pair| pair[0].0 == pair[1].0) {
-            return Err(Error::input(format!("key {} stands twice", twice[0].0)));
+        if let Some(twice) = keys.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Err(Error::input(format!("key {} stands twice", twice[0])));
         }
-        let (keys, values) = entries.into_iter().unzip();
         Ok(Self { shape, keys, values })
     }
 
@@ -125,6 +130,11 @@ impl<T: Scalar> SparseTensor<T> {
     /// The keys, ascending.
     pub fn keys(&self) -> &[u64] {
         &self.keys
+    }
+
+    /// The keys, ascending, and the values in their order.
+    pub fn into_parts(self) -> (Vec<u64>, Vec<T>) {
+        (self.keys, self.values)
     }
 
     /// The values, in the order of the keys.

@@ -69,7 +69,7 @@ class Entries(NamedTuple):
     keys: NDArray[np.uint64]
     """Ascending, each once."""
     values: NDArray[np.float32]
-    order: NDArray[np.intp]
+    order: NDArray[np.intp] | slice
     """The place of each entry in the tensor."""
 
     @classmethod
@@ -80,9 +80,13 @@ class Entries(NamedTuple):
             found = f"keys of shape {keys.shape} and values of shape {values.shape}"
             raise ValueError(f"{name}: found {found}, expected (n,) twice")
         end = math.prod(map(int, tensor.shape))
-        outside = keys[(keys < 0) | (keys >= end)]
+        ascend = bool((keys[1:] > keys[:-1]).all())
+        some = keys[[0, -1]] if ascend and len(keys) else keys
+        outside = some[(some < 0) | (some >= end)]
         if len(outside):
             raise ValueError(f"{name}: found key {outside[0]}, expected 0 up to {end - 1}")
+        if ascend:
+            return cls(keys.view(np.uint64), values, slice(None))
         order = np.argsort(keys, kind="stable")
         ascending = keys[order].astype(np.uint64)
         twice = np.flatnonzero(ascending[1:] == ascending[:-1])

@@ -39,6 +39,8 @@ const HIGH_NOISE: u8 = 18;
 /// Isolated points are noise if there is at most one of them in so many points.
 const NOISE_SHARE: usize = 100;
 
+/// Clouds of fewer points per square metre do not show whether a strip of ground is the deck of a bridge or a dam.
+const THIN: f64 = 1.0;
 /// Spacings of the points to a cell in plan, at least.
 const SPACINGS: f64 = 1.5;
 
@@ -195,7 +197,7 @@ impl ClassRules {
         ClassTable::new(all).unwrap_or_else(|_| classes.clone())
     }
 
-    /// Applies the rules to a result.
+    /// Applies the rules to a result; warns where bridges may be among the ground.
     pub(in crate::recipes) fn apply(
         &self,
         result: &mut Classified,
@@ -211,6 +213,12 @@ impl ClassRules {
             if !points.is_empty() {
                 self.by_surroundings(result, classes, &points, monitor)?;
             }
+        }
+        if self.finds_decks(classes) && (f64::EPSILON..THIN).contains(&result.density) {
+            result.warnings.push(format!(
+                "{:.1} points per square metre: decks of bridges may be named ground, for below {THIN:.0} they look like dams",
+                result.density
+            ));
         }
         if self.abstain > 0.0 {
             let free = classes.free_code();
@@ -413,5 +421,23 @@ mod tests {
         assert!(share(&bridge, 1) > 0.95 && share(&pond, WATER) > 0.75);
         let [bridge, pond, _] = bridge_and_pond(&ClassRules::default());
         assert!(share(&bridge, BUILDING) == 1.0 && share(&pond, GROUND) == 1.0);
+    }
+    #[test]
+    fn thin_clouds_are_said_to_hide_bridges_in_the_ground() {
+        let warnings = |spacing: f64, rules: &ClassRules| {
+            let rows: Vec<[f64; 3]> =
+                (0..900).map(|i| [f64::from(i % 30) * spacing, f64::from(i / 30) * spacing, 0.0]).collect();
+            let cloud = Cloud::from_rows(&rows).unwrap();
+            let scene = MetricCloud::new(&cloud, None, &Monitor::default()).unwrap();
+            let density = spacing.powi(-2);
+            let (codes, confidence) = (vec![GROUND; rows.len()], vec![0.9; rows.len()]);
+            let mut result = Classified { codes, confidence, density, ..Classified::default() };
+            rules.apply(&mut result, &ClassTable::from_codes(&[2, 5, 6]), &scene, &Monitor::default()).unwrap();
+            result.warnings
+        };
+        let rules = ClassRules { decks: DeckParams::default(), ..ClassRules::default() };
+        let thin = warnings(2.0, &rules);
+        assert!(thin.len() == 1 && thin[0].contains("0.2 points per square metre: decks of bridges"), "{thin:?}");
+        assert!(warnings(0.5, &rules).is_empty() && warnings(2.0, &ClassRules::default()).is_empty());
     }
 }
