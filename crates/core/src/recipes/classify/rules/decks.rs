@@ -1,7 +1,7 @@
 //! Decks of long bridges, which the trees take for roofs: long, narrow and smooth, level with the ground at both ends and
 //! high above it on both sides.
 
-use super::{BUILDING, GROUND, SPACINGS, block, cell_edge, plan_cell};
+use super::{AXES, BUILDING, GROUND, SPACINGS, block, cell_edge, plan_cell};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::graph::UnionFind;
@@ -50,8 +50,6 @@ const GAP: usize = 2;
 const END: f64 = 0.25;
 /// At most this share of the strip's cells may be level with the ground between the ends.
 const BETWEEN: f64 = 0.05;
-/// Four directions in plan; their opposites are the others.
-const DIRECTIONS: [[i32; 2]; 4] = [[1, 0], [0, 1], [1, 1], [1, -1]];
 
 impl DeckParams {
     /// The same, but without effect.
@@ -207,7 +205,7 @@ impl Scene<'_> {
             let width = lower([x, y], self.params.width)?;
             lower([-x, -y], self.params.width - width)
         };
-        self.surfaces[cell].building && DIRECTIONS.into_iter().any(|direction| both(direction).is_some())
+        self.surfaces[cell].building && AXES.into_iter().any(|direction| both(direction).is_some())
     }
 
     /// The cells of the deck whose middle is this strip, if it is one.

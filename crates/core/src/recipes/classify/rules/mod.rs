@@ -5,6 +5,7 @@
 mod cars;
 mod decks;
 mod level;
+mod spans;
 mod water;
 mod wires;
 
@@ -25,6 +26,7 @@ use crate::voxels::rows::RowGrid;
 use cars::Named;
 use level::LevelRows;
 use serde::{Deserialize, Serialize};
+use spans::{Scan, Span, spans};
 
 /// ASPRS codes.
 pub(in crate::recipes) const GROUND: u8 = 2;
@@ -60,10 +62,40 @@ fn block([x, y]: [i32; 2], reach: i32) -> impl Iterator<Item = [i32; 2]> {
     (-reach..=reach).flat_map(move |dx| (-reach..=reach).map(move |dy| [x.saturating_add(dx), y.saturating_add(dy)]))
 }
 
+/// Four axes in plan.
+const AXES: [[i32; 2]; 4] = [[1, 0], [0, 1], [1, 1], [1, -1]];
+/// Land is seen from a place this far away, at most, metres.
+const ACROSS: f64 = 100.0;
+
+/// The number of [`AXES`] along which land lies on both sides of a place: at least two in water, but hardly one at the edge
+/// of a scan. `edge` is that of cells, metres.
+fn axes_with_land([x, y]: [i32; 2], edge: f64, is_land: impl Fn([i32; 2]) -> bool) -> usize {
+    let seen = |[dx, dy]: [i32; 2]| {
+        let run = edge * f64::from(dx).hypot(f64::from(dy));
+        (1..=(ACROSS / run) as i32).any(|step| is_land([x.saturating_add(step * dx), y.saturating_add(step * dy)]))
+    };
+    AXES.into_iter().filter(|&[dx, dy]| seen([dx, dy]) && seen([-dx, -dy])).count()
+}
+
 /// The value below which this share of the values lies: the nearest of them. Sorts them in part.
 fn quantile(values: &mut [f64], share: f64) -> f64 {
     let place = (share * (values.len() - 1) as f64).round() as usize;
     *values.select_nth_unstable_by(place, f64::total_cmp).1
+}
+
+/// Says where ground may be the deck of a bridge over water.
+fn warning(found: &[Span], points: &Points, scene: &MetricCloud<'_>) -> Option<String> {
+    let largest = found.first()?;
+    let [x, y, _] = scene.cloud.xyz(points.frame.index[largest.row as usize] as usize);
+    let others = match found.len() - 1 {
+        0 => String::new(),
+        more => format!(" (and {more} smaller ones)"),
+    };
+    Some(format!(
+        "ground at {x:.1} {y:.1}{others} may be the deck of a bridge: {:.0} square metres between places without points, {:.1} m \
+         above the ground along them",
+        largest.area, largest.rise
+    ))
 }
 
 /// Rules for the final codes of a model with ASPRS classes.
@@ -211,7 +243,12 @@ impl ClassRules {
         if by_height || by_shape || cars || self.finds_water(classes) {
             let points = scene.points(monitor)?;
             if !points.is_empty() {
-                self.by_surroundings(result, classes, &points, monitor)?;
+                let wet = self.by_surroundings(result, classes, &points, monitor)?;
+                if self.finds_decks(classes) {
+                    let scan = Scan { points: &points, codes: &result.codes, wet: &wet, density: result.density };
+                    let found = spans(&scan, monitor)?;
+                    result.warnings.extend(warning(&found, &points, scene));
+                }
             }
         }
         if self.finds_decks(classes) && (f64::EPSILON..THIN).contains(&result.density) {
@@ -228,14 +265,14 @@ impl ClassRules {
         Ok(())
     }
 
-    /// The rules that look at other points.
+    /// The rules that look at other points; returns the rows of the points on water.
     fn by_surroundings(
         &self,
         result: &mut Classified,
         classes: &ClassTable,
         points: &Points,
         monitor: &Monitor,
-    ) -> Result<()> {
+    ) -> Result<Vec<u32>> {
         let index = &points.frame.index;
         // Looked for before low parts of buildings become ground, for these are level with it.
         let level = match self.levels(classes) {
@@ -273,8 +310,9 @@ impl ClassRules {
             let water = if self.water.named { WATER } else { free };
             let found = self.water.rows(points, &result.codes, result.density, monitor)?;
             found.iter().for_each(|&row| result.codes[index[row as usize] as usize] = water);
+            return Ok(found);
         }
-        Ok(())
+        Ok(Vec::new())
     }
 
     /// The rules that need the height above the points that are named ground; returns these heights.

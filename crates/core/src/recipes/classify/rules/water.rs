@@ -1,7 +1,7 @@
 //! Rivers, canals and lakes, which the trees take for ground: level, not above their shores, and with few returns at
 //! least in parts, because water reflects the pulses away.
 
-use super::{GROUND, block, cell_edge, plan_cell, quantile};
+use super::{ACROSS, GROUND, axes_with_land, block, cell_edge, plan_cell, quantile};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::graph::UnionFind;
@@ -76,9 +76,6 @@ const BELOW: f64 = 1.5;
 const BASIN: usize = 2;
 /// A cell beside the water is outside if at most this many of the eight around it are water; others are gaps in it.
 const OUTSIDE: usize = 4;
-/// Water has land on both sides along two of four axes, this far away at most, metres; the edge of a scan has not.
-const ACROSS: f64 = 100.0;
-const AXES: [[i32; 2]; 4] = [[1, 0], [0, 1], [1, 1], [1, -1]];
 /// Looking around a cell takes as long as about so many steps of nanoseconds.
 const STEPS: usize = 64;
 
@@ -236,13 +233,9 @@ impl Scene<'_> {
     }
 
     /// Whether there is land on both sides of a place, along two axes at least.
-    fn is_between(&self, [x, y]: [i32; 2]) -> bool {
-        let seen = |[dx, dy]: [i32; 2]| {
-            let run = self.edge * f64::from(dx).hypot(f64::from(dy));
-            let key = |step: i32| [x.saturating_add(step * dx), y.saturating_add(step * dy)];
-            (1..=(ACROSS / run) as i32).filter_map(|step| self.index.find(key(step))).any(|cell| !self.is_thin(cell))
-        };
-        AXES.into_iter().filter(|&[dx, dy]| seen([dx, dy]) && seen([-dx, -dy])).count() >= 2
+    fn is_between(&self, key: [i32; 2]) -> bool {
+        let land = |key: [i32; 2]| self.index.find(key).is_some_and(|cell| !self.is_thin(cell));
+        axes_with_land(key, self.edge, land) >= 2
     }
 
     /// Dark cells that may be one patch of water, the largest first.
