@@ -156,6 +156,8 @@ def whole_numbers(values: Any, name: str) -> NDArray[np.int64]:
         raise TypeError(f"{name}: expected whole numbers, found dtype {array.dtype}")
     if array.dtype.kind == "u":
         refuse(array > np.iinfo(np.int64).max, array, f"{name}: expected whole numbers below 2^63")
+    if array.dtype == np.uint64:
+        return native(array, np.uint64).view(np.int64)
     if array.dtype.kind == "f":
         refuse((array != np.floor(array)) | ~(np.abs(array) < 2.0**63), array, f"{name}: expected whole numbers")
     return native(array, np.int64)

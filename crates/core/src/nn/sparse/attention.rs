@@ -92,6 +92,11 @@ pub(super) struct Limit<T> {
 }
 
 impl<T: Scalar> Limit<T> {
+    /// A strength just below all that are among the strongest.
+    pub(super) fn below(&self) -> T {
+        T::of(self.least.wide() * (1.0 - 1e-6))
+    }
+
     /// Whether an entry of this strength is one of them; of equal ones the first are.
     #[inline(always)]
     pub(super) fn takes(&mut self, strength: T) -> bool {

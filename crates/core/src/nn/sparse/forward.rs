@@ -10,6 +10,7 @@ use crate::error::{Error, Result};
 use crate::memory;
 use crate::nn::scalar::Scalar;
 use crate::parallel::{Monitor, map_ordered, map_ordered_with};
+use std::array;
 use std::ops::Range;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -35,16 +36,19 @@ const STRIP: usize = 4096;
 const SLACK: f64 = 1.5;
 /// And so many more; so many at the beginning.
 const FEWEST: usize = 64;
+/// What the first part makes known leaves a part about this many times its share, and [`FEWEST`] more.
+const EXPECTED: f64 = 1.25;
 /// From so many parts on it costs little to compute one again.
 const MANY: usize = 4;
 
 /// How many responses of a channel a part keeps.
 #[derive(Clone, Copy, Debug)]
-enum Keep {
+enum Keep<'l, T> {
     /// About as many as the bound of the whole leaves it.
     Expected,
-    /// As many as the bound of the whole.
-    Bound,
+    /// As many as the bound of the whole, of those within the limits of what was kept before, which with more responses only
+    /// rise: for each sample, group and channel.
+    Bound(&'l [Limit<T>]),
 }
 
 /// The share of a part in the responses of a channel that are kept.
@@ -121,7 +125,7 @@ impl<'a, T: Scalar> Work<'a, T> {
         let mut limits = self.limits(&found, selection, monitor)?;
         let short = self.short_of(&found, &limits);
         if !short.is_empty() {
-            for (&number, part) in short.iter().zip(self.run(&short, Keep::Bound, monitor)?) {
+            for (&number, part) in short.iter().zip(self.run(&short, Keep::Bound(&limits), monitor)?) {
                 found[number] = part;
             }
             limits = self.limits(&found, selection, monitor)?;
@@ -135,7 +139,7 @@ impl<'a, T: Scalar> Work<'a, T> {
     }
 
     /// The responses of some parts.
-    fn run(&self, numbers: &[usize], keep: Keep, monitor: &Monitor) -> Result<Vec<Found<T>>> {
+    fn run(&self, numbers: &[usize], keep: Keep<'_, T>, monitor: &Monitor) -> Result<Vec<Found<T>>> {
         map_ordered_with(0..numbers.len(), monitor, Window::default, |window, i| {
             let (rest, part) = (numbers[i] / self.parts.len(), numbers[i] % self.parts.len());
             let (sample, group) = (rest / self.taps.len(), rest % self.taps.len());
@@ -145,7 +149,10 @@ impl<'a, T: Scalar> Work<'a, T> {
             let many = self.parts.len() >= MANY;
             let enough_at_first = if many { share.enough.min(FEWEST) } else { share.enough };
             let learns = self.selection.filter(|_| many && matches!(keep, Keep::Expected));
-            let least = learns.map_or([T::ZERO; LANES], |_| *self.bar(rest));
+            let least = match keep {
+                Keep::Expected => learns.map_or([T::ZERO; LANES], |_| *self.bar(rest)),
+                Keep::Bound(limits) => array::from_fn(|lane| limits[rest * LANES + lane].below()),
+            };
             let mut bias = [T::ZERO; LANES];
             bias.iter_mut().zip(self.bias.iter().skip(group * LANES)).for_each(|(to, &from)| *to = from);
             let how = Collecting { bias, selection: self.selection, enough: share.enough, enough_at_first, least };
@@ -165,7 +172,7 @@ impl<'a, T: Scalar> Work<'a, T> {
     }
 
     /// The share of a part with so many inputs in the responses of a channel that are kept.
-    fn share(&self, sample: usize, inputs: usize, keep: Keep) -> Share {
+    fn share(&self, sample: usize, inputs: usize, keep: Keep<'_, T>) -> Share {
         let Shape { channels, extent, .. } = self.input.shape();
         let all = sample * channels..(sample + 1) * channels;
         let all: usize = all.map(|plane| self.input.entries(plane, 0..extent.iter().product()).len()).sum();
@@ -294,7 +301,7 @@ fn learn<T: Scalar>(bar: &mut [T; LANES], found: &Found<T>, share: &Share, selec
         if (entries.len() as f64) < share.fair {
             *bar = T::ZERO;
         } else if *bar == T::ZERO && found.dropped[lane] && entries.len() > share.enough {
-            *bar = selection.limit(share.enough, entries.iter()).least;
+            *bar = selection.limit((EXPECTED * share.fair) as usize + FEWEST, entries.iter()).least;
         }
     }
 }

@@ -11,8 +11,10 @@ pub(super) const MARKED: usize = 8;
 pub(super) const TOGETHER: usize = 64;
 /// Blocks whose cells have a bit of a word each.
 const IN_WORD: usize = u32::BITS as usize / MARKED;
-/// Words for blocks that are taken together, one for each output channel.
-const WORDS: usize = TOGETHER / IN_WORD * LANES;
+/// Words of an output channel for blocks that are taken together.
+const WORDS: usize = TOGETHER / IN_WORD;
+/// Responses of a channel for which there is room from the beginning, at most.
+const ROOM: usize = 1 << 11;
 /// Cells after which counts are taken over, while `f32` still holds them exactly.
 const UNCOUNTED: usize = 1 << 20;
 
@@ -72,6 +74,7 @@ pub(super) struct Strongest<T> {
 impl<T: Scalar> Strongest<T> {
     pub(super) fn new(how: &Collecting<T>) -> Self {
         let enough_at_first = if how.selection.is_some() { how.enough_at_first } else { usize::MAX };
+        let room = if how.selection.is_some() { how.enough.min(ROOM) } else { 0 };
         let mut own = Self {
             bias: how.bias,
             attention: how.selection.map(|selection| selection.attention),
@@ -84,7 +87,7 @@ impl<T: Scalar> Strongest<T> {
             counting: [T::ZERO; LANES],
             counted: [0; LANES],
             cells: 0,
-            entries: Default::default(),
+            entries: std::array::from_fn(|_| Vec::with_capacity(room)),
             strengths: Vec::new(),
         };
         own.set_share(0.0);
@@ -101,12 +104,10 @@ impl<T: Scalar> Strongest<T> {
     /// in ascending order.
     #[inline(always)]
     pub(super) fn take(&mut self, first: usize, blocks: &mut [[Sums<T>; MARKED]]) {
-        let words = match self.attention {
-            Some(Attention::Positive) => self.strong(blocks, |response| response),
-            Some(Attention::Magnitude) | None => self.strong(blocks, T::magnitude),
-        };
-        let words = &words.as_flattened()[..blocks.len().div_ceil(IN_WORD) * LANES];
-        self.keep(first, blocks.as_flattened(), words);
+        match blocks.len() {
+            0..=IN_WORD => self.take_words::<1>(first, blocks),
+            _ => self.take_words::<WORDS>(first, blocks),
+        }
         blocks.fill([Sums([T::ZERO; LANES]); MARKED]);
         self.cells += MARKED * blocks.len();
         if self.cells > UNCOUNTED {
@@ -114,13 +115,23 @@ impl<T: Scalar> Strongest<T> {
         }
     }
 
+    /// Takes cells that have up to so many words for each channel.
+    #[inline(always)]
+    fn take_words<const N: usize>(&mut self, first: usize, blocks: &[[Sums<T>; MARKED]]) {
+        let words: [[u32; LANES]; N] = match self.attention {
+            Some(Attention::Positive) => self.strong(blocks, |response| response),
+            Some(Attention::Magnitude) | None => self.strong(blocks, T::magnitude),
+        };
+        self.keep(first, blocks.as_flattened(), &words);
+    }
+
     /// Counts responses above 0, and finds those that are stronger than the least of their channel: words for each
     /// channel, a bit for each cell. Plain loops over local copies, which the compiler turns into operations on all channels at
     /// once; none across channels, which would cost more than all others.
     #[inline(always)]
-    fn strong(&mut self, blocks: &[[Sums<T>; MARKED]], strength: impl Fn(T) -> T) -> [[u32; LANES]; WORDS / LANES] {
+    fn strong<const N: usize>(&mut self, blocks: &[[Sums<T>; MARKED]], strength: impl Fn(T) -> T) -> [[u32; LANES]; N] {
         let (bias, least) = (self.bias, self.least);
-        let mut words = [[0; LANES]; WORDS / LANES];
+        let mut words = [[0; LANES]; N];
         // Of every second cell, so that no addition waits for that of the cell before.
         let mut counted = [[T::ZERO; LANES]; 2];
         for (words, blocks) in words.iter_mut().zip(blocks.chunks(IN_WORD)) {
@@ -150,11 +161,13 @@ impl<T: Scalar> Strongest<T> {
 
     /// Keeps the strong responses of some cells.
     #[inline(always)]
-    fn keep(&mut self, first: usize, cells: &[Sums<T>], words: &[u32]) {
+    fn keep<const N: usize>(&mut self, first: usize, cells: &[Sums<T>], words: &[[u32; LANES]; N]) {
+        let words = words.as_flattened();
         // The words with a strong response, found without branches, which the processor could not foresee.
-        let (mut numbers, mut count) = ([0u8; WORDS], 0);
+        let (mut numbers, mut count) = ([[0u8; LANES]; N], 0);
+        let numbers = numbers.as_flattened_mut();
         for (number, word) in (0..).zip(words) {
-            numbers[count % WORDS] = number;
+            numbers[count % (N * LANES)] = number;
             count += usize::from(*word != 0);
         }
         for number in numbers[..count].iter().map(|number| usize::from(*number)) {
