@@ -478,4 +478,30 @@ mod tests {
         assert!(thin.len() == 1 && thin[0].contains("0.2 points per square metre: decks of bridges"), "{thin:?}");
         assert!(warnings(0.5, &rules).is_empty() && warnings(2.0, &ClassRules::default()).is_empty());
     }
+    #[test]
+    fn a_warning_names_the_place_of_a_bridge_in_the_units_of_the_file() {
+        // In feet: a canal without points, 15 m wide, and a bridge of 6 m across it.
+        const FOOT: f64 = 0.3048;
+        let places = (0..57_600).map(|i| [f64::from(i % 240) / 2.0 + 0.2, f64::from(i / 240) / 2.0 + 0.2]);
+        let height = |[x, y]: [f64; 2]| match ((y - 60.0).abs() < 7.5, (x - 60.0).abs() < 3.0) {
+            (false, _) => Some(0.0),
+            (true, true) => Some(1.2),
+            (true, false) => None,
+        };
+        let feet = |[x, y]: [f64; 2], z: f64| [10_000.0 + x / FOOT, 20_000.0 + y / FOOT, z / FOOT];
+        let rows: Vec<[f64; 3]> = places.filter_map(|place| height(place).map(|z| feet(place, z))).collect();
+        let cloud = Cloud::from_rows(&rows).unwrap();
+        let scene = MetricCloud::new(&cloud, Some(FOOT), &Monitor::default()).unwrap();
+        let (codes, confidence) = (vec![GROUND; rows.len()], vec![0.9; rows.len()]);
+        let mut result = Classified { codes, confidence, density: 4.0, ..Classified::default() };
+        let rules = ClassRules { decks: DeckParams::default(), ..ClassRules::default() };
+        rules.apply(&mut result, &ClassTable::from_codes(&[2, 5, 6]), &scene, &Monitor::default()).unwrap();
+        let [warning] = &result.warnings[..] else { panic!("{:?}", result.warnings) };
+        let numbers: Vec<f64> = warning.split(' ').filter_map(|word| word.parse().ok()).collect();
+        let [x, y, area, rise] = numbers[..] else { panic!("{warning}") };
+        let [x, y] = [(x - 10_000.0) * FOOT, (y - 20_000.0) * FOOT];
+        assert!((x - 60.0).abs() < 3.5 && (y - 60.0).abs() < 8.0, "{warning}");
+        assert!((60.0..110.0).contains(&area) && (rise - 1.2).abs() < 0.05, "{warning}");
+        assert!(result.codes.iter().all(|&code| code == GROUND));
+    }
 }

@@ -23,8 +23,8 @@ const WATER: f64 = 5.0;
 const AREA: f64 = 15.0;
 /// Least height above the ground along the water, metres.
 const RISE: f64 = 0.6;
-/// Cells of that ground, at most this far from the span, metres, and at least so many.
-const SHORE: f64 = 25.0;
+/// That ground: in regions of this edge, metres, that hold cells of the span, and in those around them; at least so many cells.
+const REGION: f64 = 20.0;
 const FEWEST: usize = 10;
 /// Its height: this share of these cells is lower.
 const LOW: f64 = 0.3;
@@ -71,10 +71,10 @@ pub(super) fn spans(scan: &Scan<'_>, monitor: &Monitor) -> Result<Vec<Span>> {
         |cell: usize| ground(cell).map(|row| f64::from(points.positions.z[row as usize])).fold(f64::NAN, f64::max);
     let heights = map_watched(cells.len(), monitor, height)?;
     let scene = Scene { index: CellIndex::new(cells.keys.clone()), heights, edge };
+    let shore = scene.shore(monitor)?;
     let mut spans = Vec::new();
-    for strip in scene.strips(monitor)? {
-        monitor.check()?;
-        if let Some(rise) = scene.rise(&strip).filter(|&rise| rise >= RISE) {
+    for strip in scene.strips(&shore, monitor)? {
+        if let Some(rise) = scene.rise(&strip, &shore, monitor)?.filter(|&rise| rise >= RISE) {
             let row = ground(strip[strip.len() / 2]).next().unwrap_or_default();
             spans.push(Span { row, area: strip.len() as f64 * edge.powi(2), rise });
         }
@@ -93,17 +93,31 @@ struct Scene {
 }
 
 impl Scene {
+    /// The cells of ground near water.
+    fn shore(&self, monitor: &Monitor) -> Result<Shore> {
+        let keys = self.index.keys();
+        let beside = map_watched(keys.len(), monitor, |cell| self.is_beside_water(cell))?;
+        let is_near = |cell: usize| {
+            let mut near = block(keys[cell], NEAR).filter_map(|key| self.index.find(key));
+            !self.heights[cell].is_nan() && near.any(|near| beside[near])
+        };
+        let near = map_watched(keys.len(), monitor, is_near)?;
+        let near: Vec<u32> = (0..near.len() as u32).filter(|&cell| near[cell as usize]).collect();
+        let regions = Cells::new(near.len(), |i| self.region(near[i] as usize), monitor)?;
+        Ok(Shore { index: CellIndex::new(regions.keys.clone()), near, regions })
+    }
+
+    /// The region of a cell.
+    fn region(&self, cell: usize) -> [i32; 2] {
+        self.index.keys()[cell].map(|axis| axis.div_euclid((REGION / self.edge).ceil() as i32))
+    }
+
     /// Cells of ground between water that touch each other, and are large enough together.
-    fn strips(&self, monitor: &Monitor) -> Result<Vec<Vec<usize>>> {
-        let shore = map_watched(self.heights.len(), monitor, |cell| self.is_shore(cell))?;
+    fn strips(&self, shore: &Shore, monitor: &Monitor) -> Result<Vec<Vec<usize>>> {
         // Most cells are far from water.
-        let far = (WIDTH / self.edge).ceil() as i32;
-        let region = |key: [i32; 2]| key.map(|axis| axis.div_euclid(far));
-        let regions: BTreeSet<[i32; 2]> =
-            (0..shore.len()).filter(|&cell| shore[cell]).map(|cell| region(self.index.keys()[cell])).collect();
         let is_strip = |cell: usize| {
-            let near = || block(region(self.index.keys()[cell]), 1).any(|key| regions.contains(&key));
-            !self.heights[cell].is_nan() && !regions.is_empty() && near() && self.is_between_water(cell)
+            let near = || block(self.region(cell), 1).any(|key| shore.index.find(key).is_some());
+            !self.heights[cell].is_nan() && near() && self.is_between_water(cell)
         };
         let strip = map_watched(self.heights.len(), monitor, is_strip)?;
         let mut cells: Vec<usize> = (0..strip.len()).filter(|&cell| strip[cell]).collect();
@@ -128,7 +142,7 @@ impl Scene {
     }
 
     /// Whether the next place but one in a direction is empty.
-    fn is_shore(&self, cell: usize) -> bool {
+    fn is_beside_water(&self, cell: usize) -> bool {
         let key = self.index.keys()[cell];
         let next = |[x, y]: [i32; 2]| self.is_empty(moved(key, [x, y], 2)) || self.is_empty(moved(key, [-x, -y], 2));
         AXES.into_iter().any(next)
@@ -159,33 +173,31 @@ impl Scene {
     }
 
     /// Height of a strip above the ground along the water near it, metres, if there is enough of that.
-    fn rise(&self, strip: &[usize]) -> Option<f64> {
-        let mut own: Vec<f64> = strip.iter().map(|&cell| self.heights[cell]).collect();
-        let keys = || strip.iter().map(|&cell| self.index.keys()[cell]);
-        let axis = |axis: usize| {
-            let (low, high) = (keys().map(|key| key[axis]).min()?, keys().map(|key| key[axis]).max()?);
-            Some((low, high))
-        };
-        let ((left, right), (bottom, top)) = (axis(0)?, axis(1)?);
-        let around = (SHORE / self.edge) as i32;
+    fn rise(&self, strip: &[usize], shore: &Shore, monitor: &Monitor) -> Result<Option<f64>> {
         let of_strip: BTreeSet<usize> = strip.iter().copied().collect();
-        let mut shore = Vec::new();
-        for x in left.saturating_sub(around)..=right.saturating_add(around) {
-            for y in bottom.saturating_sub(around)..=top.saturating_add(around) {
-                let Some(cell) = self.index.find([x, y]).filter(|&cell| !self.heights[cell].is_nan()) else { continue };
-                let mut near = block([x, y], NEAR).filter_map(|key| self.index.find(key));
-                if !near.any(|near| of_strip.contains(&near)) && self.is_near_water([x, y]) {
-                    shore.push(self.heights[cell]);
-                }
+        let regions: BTreeSet<[i32; 2]> = strip.iter().flat_map(|&cell| block(self.region(cell), 1)).collect();
+        let cells =
+            regions.into_iter().filter_map(|key| shore.index.find(key)).flat_map(|region| shore.regions.of(region));
+        let mut heights = Vec::new();
+        let mut looks = Looks::at(monitor);
+        for cell in cells.map(|&number| shore.near[number as usize] as usize) {
+            looks.step()?;
+            let mut around = block(self.index.keys()[cell], NEAR).filter_map(|key| self.index.find(key));
+            if !around.any(|near| of_strip.contains(&near)) {
+                heights.push(self.heights[cell]);
             }
         }
-        (shore.len() >= FEWEST).then(|| quantile(&mut own, 0.5) - quantile(&mut shore, LOW))
+        let mut own: Vec<f64> = strip.iter().map(|&cell| self.heights[cell]).collect();
+        Ok((heights.len() >= FEWEST).then(|| quantile(&mut own, 0.5) - quantile(&mut heights, LOW)))
     }
+}
 
-    /// Whether a place is at most a few cells from water.
-    fn is_near_water(&self, key: [i32; 2]) -> bool {
-        block(key, NEAR).filter_map(|key| self.index.find(key)).any(|cell| self.is_shore(cell))
-    }
+/// Cells of ground near water, by regions.
+struct Shore {
+    near: Vec<u32>,
+    /// Numbers in `near`.
+    regions: Cells<[i32; 2]>,
+    index: CellIndex<[i32; 2]>,
 }
 
 /// The place some steps away.
