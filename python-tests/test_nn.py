@@ -239,8 +239,17 @@ def bars(count, seed):
     return images, np.where(upright, "upright", "lying")
 
 
+#: For few small images and few steps. A constant rate does not depend on the number of epochs.
+FEW = {
+    "learning.optimiser": {"adagrad": {}},
+    "learning.rate": 0.01,
+    "learning.schedule": "constant",
+    "learning.augment.shift": 0,
+}
+
+
 def small(**changes):
-    settings = {"network.hidden": 16, "learning.augment.turn": False, **changes.pop("settings", {})}
+    settings = {"network.hidden": 16, **FEW, **changes.pop("settings", {})}
     return nn.VoxelClassifier("mnist", density=0.3, epochs=4, settings=settings, **changes)
 
 
@@ -352,7 +361,7 @@ def test_bad_settings_of_networks_are_named(change, message):
 @pytest.mark.parametrize(
     ("settings", "expected"),
     [
-        ({}, {"adagrad": {"epsilon": 1e-10}}),
+        ({}, {"adam-w": {"beta1": 0.9, "beta2": 0.999, "epsilon": 1e-8, "decay": 0.01}}),
         ({"learning.optimiser.adagrad.epsilon": 0.1}, {"adagrad": {"epsilon": 0.1}}),
         ({"learning.optimiser": {"sgd": {}}}, {"sgd": {"momentum": 0.0, "decay": 0.0}}),
         (

@@ -42,6 +42,16 @@ def kerb(x, y):
     return (np.abs(x - 83) < 1) & (np.abs(y - 75) < 9)
 
 
+def depth(x):
+    """Of a cutting along y, 40 m wide, with sides of 1 : 1.5."""
+    return np.clip((20 - np.abs(x - 75)) / 1.5, 0, 6)
+
+
+def deck(x, y):
+    """Of a bridge across it, askew, 10 m wide."""
+    return np.abs(y - 75 - 0.2 * (x - 75)) < 5
+
+
 SCENES = {
     "flat field": lambda x, y: 0 * x,
     "hills of 16 m, slopes up to 40 degrees": lambda x, y: 8 * np.sin(x / 12) * np.sin(y / 9),
@@ -52,6 +62,8 @@ SCENES = {
     "village upside down": lambda x, y: -village(x, y),
     "calm pond, 0.5 m below a field": lambda x, y: -0.5 * pond(x, y),
     "car park with a wet spot beside a kerb": lambda x, y: 0.15 * kerb(x, y),
+    "bridge over a road in a cutting": lambda x, y: np.where(deck(x, y), 0, -depth(x)),
+    "dam across a cutting, sides of 45 degrees": lambda x, y: -np.minimum(depth(x), np.clip(np.abs(y - 75) - 5, 0, None)),
 }
 #: Where water mirrors eight of nine pulses away.
 MIRRORS = {

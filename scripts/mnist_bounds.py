@@ -62,6 +62,6 @@ if __name__ == "__main__":
     parser.add_argument("--bounds", nargs="*", type=float, default=BOUNDS)
     parser.add_argument("--images", type=int, default=60_000, help="images to train on, picked at random")
     parser.add_argument("--epochs", type=int, default=10)
-    parser.add_argument("--rate", type=float, default=0.01)
+    parser.add_argument("--rate", type=float, help="the highest learning rate; without it the network's own")
     parser.add_argument("--plot", metavar="FILE")
     main(parser.parse_args())

@@ -41,8 +41,9 @@ class VoxelClassifier(Classifier):
     network : {"modelnet", "mnist", "modelnet-paper", "mnist-paper"}
         The network of the thesis: nine sparse and three dense convolutions along three axes, or six sparse ones along two.
         Its bounds of density are those of the resolution of the objects. Samples of "modelnet" are turned about the last axis
-        in training, digits of "mnist" are not (``learning.augment.turn``). The names that end in ``-paper`` have the constants of
-        the thesis for network and training: ModelNet40 with the density regulariser (its λ is 0.3), MNIST without.
+        in training (``learning.augment.turn``), digits of "mnist" are not, but shifted by up to a cell
+        (``learning.augment.shift``). The names that end in ``-paper`` have the constants of the thesis for network and
+        training: ModelNet40 with the density regulariser (its λ is 0.3), MNIST without.
     resolution : int
         Cells along each side of the cube into which clouds of points are put; objects that come in cells have their own.
     density : float, optional
@@ -54,7 +55,8 @@ class VoxelClassifier(Classifier):
     batch_size : int, optional
         Samples in a step; None: 32.
     learning_rate : float, optional
-        Highest learning rate; None: that of the network, 0.01 (with those of the thesis 0.001 for ModelNet40).
+        Highest learning rate; None: that of the network, 0.01 for "modelnet" and 0.002 for "mnist" (with the constants of the
+        thesis 0.001 and 0.01).
     settings : mapping, optional
         Any other setting, nested or with dotted keys: ``network.hidden``, ``network.levels``, ``network.attention``
         ("positive"; "magnitude" keeps responses by magnitude, of which the negative ones then become 0),
@@ -90,8 +92,7 @@ class VoxelClassifier(Classifier):
     >>> upright = np.arange(60) % 2 == 1
     >>> for image, is_upright, at in zip(images, upright, draws.integers(2, 10, 60)):
     ...     image[(slice(2, 10), at) if is_upright else (at, slice(2, 10))] = 1
-    >>> settings = {"network.hidden": 16, "learning.augment.turn": False}
-    >>> network = nn.VoxelClassifier("mnist", density=0.3, epochs=4, settings=settings)
+    >>> network = nn.VoxelClassifier("mnist", density=0.3, settings={"network.hidden": 16})
     >>> labels = np.where(upright, "upright", "lying")
     >>> network.fit(images, labels).score(images, labels) > 0.9
     True

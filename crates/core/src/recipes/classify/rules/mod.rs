@@ -5,6 +5,7 @@
 mod cars;
 mod decks;
 mod level;
+mod overpasses;
 mod spans;
 mod water;
 mod wires;
@@ -25,6 +26,7 @@ use crate::voxels::cells::{Cells, cell_of};
 use crate::voxels::rows::RowGrid;
 use cars::Named;
 use level::LevelRows;
+use overpasses::{Land, overpasses};
 use serde::{Deserialize, Serialize};
 use spans::{Scan, Span, spans};
 
@@ -41,8 +43,8 @@ const HIGH_NOISE: u8 = 18;
 /// Isolated points are noise if there is at most one of them in so many points.
 const NOISE_SHARE: usize = 100;
 
-/// Clouds of fewer points per square metre do not show whether a strip of ground is the deck of a bridge or a dam.
-const THIN: f64 = 1.0;
+/// Clouds of fewer points per square metre hide small bridges: a few points, like those of a dam.
+const THIN: f64 = 2.0;
 /// Spacings of the points to a cell in plan, at least.
 const SPACINGS: f64 = 1.5;
 
@@ -83,19 +85,27 @@ fn quantile(values: &mut [f64], share: f64) -> f64 {
     *values.select_nth_unstable_by(place, f64::total_cmp).1
 }
 
-/// Says where ground may be the deck of a bridge over water.
+/// Places that a warning names, at most.
+const NAMED: usize = 5;
+
+/// Says where ground may be the deck of a bridge over water, the largest first.
 fn warning(found: &[Span], points: &Points, scene: &MetricCloud<'_>) -> Option<String> {
-    let largest = found.first()?;
-    let [x, y, _] = scene.cloud.xyz(points.frame.index[largest.row as usize] as usize);
-    let others = match found.len() - 1 {
-        0 => String::new(),
-        more => format!(" (and {more} smaller ones)"),
+    let place = |span: &Span| {
+        let [x, y, _] = scene.cloud.xyz(points.frame.index[span.row as usize] as usize);
+        format!("{x:.1} {y:.1} ({:.0} square metres, {:.1} m higher)", span.area, span.rise)
     };
-    Some(format!(
-        "ground at {x:.1} {y:.1}{others} may be the deck of a bridge: {:.0} square metres between places without points, {:.1} m \
-         above the ground along them",
-        largest.area, largest.rise
-    ))
+    let named: Vec<String> = found.iter().take(NAMED).map(place).collect();
+    let more = match found.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    let places = named.join(", ");
+    (!found.is_empty()).then(|| {
+        format!(
+            "ground that may be the deck of a bridge, between places without points and higher than the ground along them: \
+             {places}{more}"
+        )
+    })
 }
 
 /// Rules for the final codes of a model with ASPRS classes.
@@ -111,7 +121,8 @@ pub struct ClassRules {
     /// Buildings (6) that are level with the ground around them become ground (hilltops) or unclassified (decks of short
     /// bridges, terraces). Only for models with the ASPRS classes 2 and 6.
     pub level: LevelParams,
-    /// Buildings (6) that are the deck of a long bridge become unclassified. Only for models with the ASPRS classes 2 and 6.
+    /// Buildings (6) that are the deck of a long bridge, and ground (2) that is the deck of a bridge over land, become
+    /// unclassified. Only for models with the ASPRS classes 2 and 6.
     pub decks: DeckParams,
     /// Ground (2) that is water becomes unclassified, or water (9), where it is found. Only for models with the ASPRS class 2
     /// and 5 or 6, but not 9.
@@ -253,7 +264,7 @@ impl ClassRules {
         }
         if self.finds_decks(classes) && (f64::EPSILON..THIN).contains(&result.density) {
             result.warnings.push(format!(
-                "{:.1} points per square metre: decks of bridges may be named ground, for below {THIN:.0} they look like dams",
+                "{:.1} points per square metre: decks of bridges may be named ground, for below {THIN:.0} not all are found",
                 result.density
             ));
         }
@@ -300,6 +311,12 @@ impl ClassRules {
             let rows: Vec<u32> = (0..points.len() as u32).filter(high).collect();
             let wires = self.wires.among(&rows, points, monitor)?;
             wires.iter().for_each(|&row| result.codes[index[row as usize] as usize] = WIRE);
+        }
+        // After the wires, for the rims of decks look like some.
+        if self.finds_decks(classes) {
+            let land = Land { points, codes: &result.codes, free, density: result.density };
+            let found = overpasses(&self.decks, &land, monitor)?;
+            found.iter().for_each(|&row| result.codes[index[row as usize] as usize] = free);
         }
         if !result.cars.is_empty() {
             let (codes, cars, density) = (&result.codes, &result.cars, result.density);
@@ -497,7 +514,8 @@ mod tests {
         let rules = ClassRules { decks: DeckParams::default(), ..ClassRules::default() };
         rules.apply(&mut result, &ClassTable::from_codes(&[2, 5, 6]), &scene, &Monitor::default()).unwrap();
         let [warning] = &result.warnings[..] else { panic!("{:?}", result.warnings) };
-        let numbers: Vec<f64> = warning.split(' ').filter_map(|word| word.parse().ok()).collect();
+        let words = warning.split([' ', '(']);
+        let numbers: Vec<f64> = words.filter_map(|word| word.parse().ok()).collect();
         let [x, y, area, rise] = numbers[..] else { panic!("{warning}") };
         let [x, y] = [(x - 10_000.0) * FOOT, (y - 20_000.0) * FOOT];
         assert!((x - 60.0).abs() < 3.5 && (y - 60.0).abs() < 8.0, "{warning}");

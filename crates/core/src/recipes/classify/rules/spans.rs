@@ -11,7 +11,7 @@ use crate::graph::UnionFind;
 use crate::parallel::{Looks, Monitor, map_watched};
 use crate::voxels::cells::Cells;
 use crate::voxels::cells::index::CellIndex;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Least edge of a cell in plan, metres; also [`SPACINGS`] point spacings.
 const CELL: f64 = 1.0;
@@ -21,17 +21,22 @@ const WIDTH: f64 = 20.0;
 const WATER: f64 = 5.0;
 /// Least area, square metres.
 const AREA: f64 = 15.0;
-/// Least height above the ground along the water, metres.
-const RISE: f64 = 0.6;
-/// That ground: in regions of this edge, metres, that hold cells of the span, and in those around them; at least so many cells.
+/// Least height of a cell above the ground along the water, metres.
+const RISE: f64 = 0.8;
+/// That ground: in the region of this edge, metres, that holds the cell, and in those around it; at least so many cells.
 const REGION: f64 = 20.0;
 const FEWEST: usize = 10;
 /// Its height: this share of these cells is lower.
 const LOW: f64 = 0.3;
+/// Largest step to the banks, metres; cells larger than 1 m may have as much for each metre.
+const STEP: f64 = 0.4;
 /// Cells away from water, at most, of that ground.
 const NEAR: i32 = 2;
-/// Water has land on both sides along so many of [`AXES`], at least; the outside of a scan has not.
+/// Somewhere between its two ends water has land on both sides along so many of [`AXES`]; the outside of a scan has not.
 const WITH_LAND: usize = 2;
+/// Eight directions, anticlockwise. Water lies on two sides if it does in directions at least three apart, 135 degrees.
+const DIRECTIONS: [[i32; 2]; 8] = [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
+const APART: usize = 3;
 
 /// Ground between water.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,14 +76,13 @@ pub(super) fn spans(scan: &Scan<'_>, monitor: &Monitor) -> Result<Vec<Span>> {
         |cell: usize| ground(cell).map(|row| f64::from(points.positions.z[row as usize])).fold(f64::NAN, f64::max);
     let heights = map_watched(cells.len(), monitor, height)?;
     let scene = Scene { index: CellIndex::new(cells.keys.clone()), heights, edge };
-    let shore = scene.shore(monitor)?;
-    let mut spans = Vec::new();
-    for strip in scene.strips(&shore, monitor)? {
-        if let Some(rise) = scene.rise(&strip, &shore, monitor)?.filter(|&rise| rise >= RISE) {
-            let row = ground(strip[strip.len() / 2]).next().unwrap_or_default();
-            spans.push(Span { row, area: strip.len() as f64 * edge.powi(2), rise });
-        }
-    }
+    let rises = scene.rises(&scene.shore(monitor)?, monitor)?;
+    let span = |strip: Vec<usize>| {
+        let mut own: Vec<f64> = strip.iter().map(|&cell| rises[cell]).collect();
+        let row = ground(strip[strip.len() / 2]).next().unwrap_or_default();
+        Span { row, area: strip.len() as f64 * edge.powi(2), rise: quantile(&mut own, 0.5) }
+    };
+    let mut spans: Vec<Span> = scene.strips(&rises, monitor)?.into_iter().map(span).collect();
     spans.sort_by(|a, b| b.area.total_cmp(&a.area));
     Ok(spans)
 }
@@ -112,28 +116,72 @@ impl Scene {
         self.index.keys()[cell].map(|axis| axis.div_euclid((REGION / self.edge).ceil() as i32))
     }
 
-    /// Cells of ground between water that touch each other, and are large enough together.
-    fn strips(&self, shore: &Shore, monitor: &Monitor) -> Result<Vec<Vec<usize>>> {
+    /// For each cell between water its height above the ground along it, metres, if that is enough; else not a number.
+    fn rises(&self, shore: &Shore, monitor: &Monitor) -> Result<Vec<f64>> {
         // Most cells are far from water.
-        let is_strip = |cell: usize| {
+        let is_between = |cell: usize| {
             let near = || block(self.region(cell), 1).any(|key| shore.index.find(key).is_some());
             !self.heights[cell].is_nan() && near() && self.is_between_water(cell)
         };
-        let strip = map_watched(self.heights.len(), monitor, is_strip)?;
-        let mut cells: Vec<usize> = (0..strip.len()).filter(|&cell| strip[cell]).collect();
-        let mut strips = UnionFind::new(strip.len());
+        let between = map_watched(self.heights.len(), monitor, is_between)?;
+        let mut rises = vec![f64::NAN; between.len()];
+        let mut levels: BTreeMap<[i32; 2], Option<f64>> = BTreeMap::new();
+        let mut looks = Looks::at(monitor);
+        for cell in (0..between.len()).filter(|&cell| between[cell]) {
+            looks.step()?;
+            let region = self.region(cell);
+            let level = *levels.entry(region).or_insert_with(|| self.shore_level(region, shore));
+            let rise = level.map(|level| self.heights[cell] - level);
+            rises[cell] = rise.filter(|&rise| rise >= RISE).unwrap_or(f64::NAN);
+        }
+        Ok(rises)
+    }
+
+    /// Height of the ground along the water in and around a region, metres, if there is enough of it.
+    fn shore_level(&self, region: [i32; 2], shore: &Shore) -> Option<f64> {
+        let regions = block(region, 1).filter_map(|key| shore.index.find(key));
+        let cells = regions.flat_map(|region| shore.regions.of(region));
+        let mut heights: Vec<f64> = cells.map(|&i| self.heights[shore.near[i as usize] as usize]).collect();
+        (heights.len() >= FEWEST).then(|| quantile(&mut heights, LOW))
+    }
+
+    /// Raised cells between water that touch each other, are large enough together, and join two banks.
+    fn strips(&self, rises: &[f64], monitor: &Monitor) -> Result<Vec<Vec<usize>>> {
+        let mut cells: Vec<usize> = (0..rises.len()).filter(|&cell| !rises[cell].is_nan()).collect();
+        let mut strips = UnionFind::new(rises.len());
         let mut looks = Looks::at(monitor);
         for &cell in &cells {
             looks.step()?;
-            let near = block(self.index.keys()[cell], 1).filter_map(|key| self.index.find(key));
-            for near in near.filter(|&near| strip[near]) {
+            for near in self.ground_around(cell).filter(|&near| !rises[near].is_nan()) {
                 strips.unite(cell as u32, near as u32);
             }
         }
         let roots = strips.roots(monitor)?;
         cells.sort_by_key(|&cell| roots[cell]);
         let strips = cells.chunk_by(|&a, &b| roots[a] == roots[b]).map(<[usize]>::to_vec);
-        Ok(strips.filter(|strip| strip.len() as f64 * self.edge.powi(2) >= AREA).collect())
+        Ok(strips.filter(|strip| strip.len() as f64 * self.edge.powi(2) >= AREA && self.joins(strip)).collect())
+    }
+
+    /// Whether the ground that a strip meets without a step is in two pieces or more; a peninsula meets one. The cells of the
+    /// strip ascend.
+    fn joins(&self, strip: &[usize]) -> bool {
+        let step = STEP * self.edge.max(1.0);
+        let met = |&cell: &usize| {
+            let near = self.ground_around(cell).filter(|near| strip.binary_search(near).is_err());
+            near.filter(move |&near| (self.heights[near] - self.heights[cell]).abs() <= step)
+        };
+        let mut met: BTreeSet<usize> = strip.iter().flat_map(met).collect();
+        let mut piece = Vec::from_iter(met.pop_first());
+        while let Some(cell) = piece.pop() {
+            piece.extend(self.ground_around(cell).filter(|near| met.remove(near)));
+        }
+        !met.is_empty()
+    }
+
+    /// Cells of ground around a cell, itself included.
+    fn ground_around(&self, cell: usize) -> impl Iterator<Item = usize> {
+        let near = block(self.index.keys()[cell], 1).filter_map(|key| self.index.find(key));
+        near.filter(|&near| !self.heights[near].is_nan())
     }
 
     /// Whether a place and the eight around it hold no points.
@@ -148,47 +196,29 @@ impl Scene {
         AXES.into_iter().any(next)
     }
 
-    /// Whether a cell has water on two opposite sides, not too far from each other.
+    /// Whether a cell has water on two sides, not too far from each other.
     fn is_between_water(&self, cell: usize) -> bool {
         let key = self.index.keys()[cell];
-        AXES.into_iter().any(|[x, y]| {
-            let both = |width: f64| {
-                let first = self.water(key, [x, y], width)?;
-                self.water(key, [-x, -y], width - first)
-            };
-            both(WIDTH).is_some()
-        })
+        let away = DIRECTIONS.map(|direction| self.water(key, direction));
+        let pairs = (0..8).flat_map(|first| (APART..=4).map(move |apart| [first, (first + apart) % 8]));
+        pairs.map(|pair| pair.map(|side| away[side])).any(|[a, b]| a + b <= WIDTH)
     }
 
-    /// The distance to the water in a direction, metres, if there is some within a distance.
-    fn water(&self, key: [i32; 2], direction: [i32; 2], most: f64) -> Option<f64> {
+    /// The distance to the water in a direction, metres; infinite if there is none within the width of a span.
+    fn water(&self, key: [i32; 2], direction: [i32; 2]) -> f64 {
         let run = self.edge * f64::from(direction[0]).hypot(f64::from(direction[1]));
         let at = |step: usize| moved(key, direction, step as i32);
-        // The middle of the empty block is a cell further.
-        let first = (1..=(most / run) as usize + 1).find(|&step| self.is_empty(at(step)))?;
-        let last = first + (WATER / run).ceil() as usize - 1;
-        let open = (first + 1..=last).all(|step| self.is_empty(at(step)));
+        // The middles of empty blocks of three cells.
+        let Some(first) = (1..=(WIDTH / run) as usize + 1).find(|&step| self.is_empty(at(step))) else {
+            return f64::INFINITY;
+        };
+        let last = first + ((WATER / run).ceil() as usize).saturating_sub(3);
         let land = |key: [i32; 2]| self.index.find(key).is_some();
-        (open && axes_with_land(at(last), self.edge, land) >= WITH_LAND).then_some((first - 1) as f64 * run)
-    }
-
-    /// Height of a strip above the ground along the water near it, metres, if there is enough of that.
-    fn rise(&self, strip: &[usize], shore: &Shore, monitor: &Monitor) -> Result<Option<f64>> {
-        let of_strip: BTreeSet<usize> = strip.iter().copied().collect();
-        let regions: BTreeSet<[i32; 2]> = strip.iter().flat_map(|&cell| block(self.region(cell), 1)).collect();
-        let cells =
-            regions.into_iter().filter_map(|key| shore.index.find(key)).flat_map(|region| shore.regions.of(region));
-        let mut heights = Vec::new();
-        let mut looks = Looks::at(monitor);
-        for cell in cells.map(|&number| shore.near[number as usize] as usize) {
-            looks.step()?;
-            let mut around = block(self.index.keys()[cell], NEAR).filter_map(|key| self.index.find(key));
-            if !around.any(|near| of_strip.contains(&near)) {
-                heights.push(self.heights[cell]);
-            }
+        let inside = |step: usize| axes_with_land(at(step), self.edge, land) >= WITH_LAND;
+        match (first + 1..=last).all(|step| self.is_empty(at(step))) && (first..=last).any(inside) {
+            true => (first - 1) as f64 * run,
+            false => f64::INFINITY,
         }
-        let mut own: Vec<f64> = strip.iter().map(|&cell| self.heights[cell]).collect();
-        Ok((heights.len() >= FEWEST).then(|| quantile(&mut own, 0.5) - quantile(&mut heights, LOW)))
     }
 }
 
@@ -234,6 +264,29 @@ mod tests {
         assert!((span.rise - 1.2).abs() < 0.05 && (60.0..110.0).contains(&span.area), "{span:?}");
         assert!(found(|x, y| canal(x, y, Some(0.2))).is_empty());
         assert!(found(|x, y| canal(x, y, None)).is_empty());
+    }
+
+    #[test]
+    fn a_bridge_at_the_edge_of_a_scan_is_found_and_a_peninsula_is_not() {
+        // Water has land along two axes only next to the bridge, 5 m from the edge.
+        let height = |x: f64, y: f64| match (y - 60.0).abs() < 3.5 {
+            true => ((x - 112.5).abs() < 2.5).then_some(1.2),
+            false => Some(0.0),
+        };
+        assert_eq!(found(height).len(), 1);
+        // A canal that turns by 45 degrees below the bridge.
+        let bent = |x: f64, y: f64| {
+            let off = if x < 60.0 { y - 60.0 } else { (y - 60.0 - (x - 60.0)) / 1.4 };
+            match off.abs() < 4.0 {
+                true => ((x - 60.0).abs() < 2.5).then_some(1.2),
+                false => Some(0.0),
+            }
+        };
+        assert_eq!(found(bent).len(), 1);
+        let tip = |x: f64, y: f64| (y - 60.0).abs() < 8.0 && x > 50.0;
+        let sea = |x: f64, y: f64| (y - 60.0).abs() < 30.0 && x > 20.0;
+        let low = |x: f64| if x < 55.0 { 0.0 } else { 1.5 };
+        assert!(found(|x, y| if tip(x, y) { Some(low(x)) } else { (!sea(x, y)).then_some(0.0) }).is_empty());
     }
 
     #[test]

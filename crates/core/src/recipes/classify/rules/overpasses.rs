@@ -1,0 +1,295 @@
+//! Ground that is the deck of a bridge: level with the ground at both ends, with a steep drop on both sides. Decks over a
+//! road in a cutting look like this to the ground filter, which keeps what is level with the land around.
+
+use super::{AXES, DeckParams, GROUND, SPACINGS, block, cell_edge, plan_cell};
+use crate::cloud::Points;
+use crate::error::Result;
+use crate::graph::UnionFind;
+use crate::parallel::{Looks, Monitor, map_watched};
+use crate::voxels::cells::Cells;
+use crate::voxels::cells::index::CellIndex;
+
+/// Greatest distance between the two drops, metres: decks of ground may be those of a motorway.
+const WIDTH: f64 = 40.0;
+/// Least slope of a drop: 56 degrees, which no embankment of earth has.
+const SLOPE: f64 = 1.5;
+/// Cells without ground that are passed on the way.
+const GAP: i32 = 2;
+/// Least area of a deck, square metres.
+const AREA: f64 = 15.0;
+/// The ends of a deck: this share of its length.
+const END: f64 = 0.25;
+/// At most this share of a deck's cells may be level with other ground between the ends.
+const BETWEEN: f64 = 0.05;
+
+/// Points with classes.
+pub(super) struct Land<'a> {
+    pub(super) points: &'a Points,
+    /// One a point of the cloud.
+    pub(super) codes: &'a [u8],
+    /// The code of points that other rules took for parts of decks.
+    pub(super) free: u8,
+    /// Points per square metre.
+    pub(super) density: f64,
+}
+
+/// The rows of ground points that are decks of bridges, ascending by cell. O(n log n).
+pub(super) fn overpasses(params: &DeckParams, land: &Land<'_>, monitor: &Monitor) -> Result<Vec<u32>> {
+    let Land { points, codes, free, density } = *land;
+    let code = |row: u32| codes[points.frame.index[row as usize] as usize];
+    let used: Vec<u32> = (0..points.len() as u32).filter(|&row| code(row) == GROUND || code(row) == free).collect();
+    let edge = cell_edge(params.cell, SPACINGS, density);
+    let cells = Cells::new(used.len(), |i| plan_cell(points, used[i], edge), monitor)?;
+    let rows = |cell: usize| cells.of(cell).iter().map(|&i| used[i as usize]);
+    let z = |row: u32| f64::from(points.positions.z[row as usize]);
+    let ground = |cell: usize| rows(cell).filter(|&row| code(row) == GROUND);
+    let surface = |cell: usize| Surface {
+        height: rows(cell).map(z).fold(f64::MIN, f64::max),
+        ground: ground(cell).map(z).fold(f64::MIN, f64::max),
+    };
+    let surfaces = map_watched(cells.len(), monitor, surface)?;
+    let scene = Scene { params, index: CellIndex::new(cells.keys.clone()), surfaces, edge };
+    // Below a deck's rim lies the ground under it.
+    let lowest = |cell: usize| scene.surfaces[cell].height - params.drop / 2.0;
+    let decks = scene.decks(monitor)?;
+    Ok(decks.into_iter().flat_map(|cell| ground(cell).filter(move |&row| z(row) >= lowest(cell))).collect())
+}
+
+/// Heights of a cell, metres.
+#[derive(Clone, Copy, Debug, Default)]
+struct Surface {
+    /// Its highest point.
+    height: f64,
+    /// Its highest ground point.
+    ground: f64,
+}
+
+/// The cells of a cloud.
+struct Scene<'a> {
+    params: &'a DeckParams,
+    index: CellIndex<[i32; 2]>,
+    surfaces: Vec<Surface>,
+    /// Edge of a cell, metres.
+    edge: f64,
+}
+
+/// A step from one cell to the next with ground.
+struct Step {
+    cell: usize,
+    /// Metres in plan.
+    run: f64,
+    /// Metres downwards.
+    fall: f64,
+}
+
+impl Scene<'_> {
+    /// The cells of all decks.
+    fn decks(&self, monitor: &Monitor) -> Result<Vec<usize>> {
+        let axes = self.strips(monitor)?;
+        let mut strips = UnionFind::new(axes.len());
+        let mut cells: Vec<usize> = (0..axes.len()).filter(|&cell| axes[cell].is_some()).collect();
+        let mut looks = Looks::at(monitor);
+        for &cell in &cells {
+            looks.step()?;
+            for near in self.around(cell).filter(|&near| axes[near].is_some()) {
+                if self.is_level(self.surfaces[cell].height - self.surfaces[near].height, self.edge) {
+                    strips.unite(cell as u32, near as u32);
+                }
+            }
+        }
+        let roots = strips.roots(monitor)?;
+        cells.sort_by_key(|&cell| roots[cell]);
+        let mut decks = Vec::new();
+        for strip in cells.chunk_by(|&a, &b| roots[a] == roots[b]) {
+            monitor.check()?;
+            if strip.len() as f64 * self.edge.powi(2) >= AREA && self.is_deck(strip, &axes) {
+                decks.extend(strip);
+            }
+        }
+        Ok(decks)
+    }
+
+    /// For each cell between two drops the axis across, a place in [`AXES`].
+    fn strips(&self, monitor: &Monitor) -> Result<Vec<Option<usize>>> {
+        let of_brink = |cell: usize| {
+            let across = |(axis, &direction): (usize, &[i32; 2])| Some((axis, self.strip(cell, direction)?));
+            AXES.iter().enumerate().filter_map(across).collect::<Vec<_>>()
+        };
+        let mut axes = vec![None; self.surfaces.len()];
+        for (axis, strip) in map_watched(self.surfaces.len(), monitor, of_brink)?.into_iter().flatten() {
+            for cell in strip {
+                axes[cell] = axes[cell].or(Some(axis));
+            }
+        }
+        let strips = (0..axes.len()).filter(|&cell| axes[cell].is_some());
+        let mut beside: Vec<usize> =
+            strips.flat_map(|cell| self.around(cell)).filter(|&near| axes[near].is_none()).collect();
+        beside.sort_unstable();
+        beside.dedup();
+        let inside: Vec<(usize, usize)> =
+            beside.into_iter().filter_map(|cell| Some((cell, self.inside(cell, &axes)?))).collect();
+        inside.into_iter().for_each(|(cell, axis)| axes[cell] = Some(axis));
+        Ok(axes)
+    }
+
+    /// The axis across of the strips on two opposite sides of a cell and level with it: a line of cells across a deck, one of
+    /// which holds no points, is of no strip.
+    fn inside(&self, cell: usize, axes: &[Option<usize>]) -> Option<usize> {
+        let [at_x, at_y] = self.index.keys()[cell];
+        let axis = |[x, y]: [i32; 2]| {
+            let near = self.index.find([at_x.saturating_add(x), at_y.saturating_add(y)])?;
+            axes[near].filter(|_| self.is_level(self.surfaces[cell].height - self.surfaces[near].height, self.edge))
+        };
+        AXES.into_iter().find_map(|[x, y]| axis([x, y]).and(axis([-x, -y])))
+    }
+
+    /// The cells from one that drops in a direction to one that drops in the opposite direction.
+    fn strip(&self, brink: usize, [x, y]: [i32; 2]) -> Option<Vec<usize>> {
+        self.step(brink, [x, y]).filter(|step| self.is_drop(step))?;
+        let mut cells = vec![brink];
+        let mut width = 0.0;
+        loop {
+            let step = self.step(*cells.last()?, [-x, -y])?;
+            if self.is_drop(&step) {
+                return Some(cells);
+            }
+            width += step.run;
+            if width > WIDTH || !self.is_level(step.fall, step.run) {
+                return None;
+            }
+            cells.push(step.cell);
+        }
+    }
+
+    /// The step to the next cell with ground in a direction, which may be some cells away.
+    fn step(&self, cell: usize, [x, y]: [i32; 2]) -> Option<Step> {
+        let [at_x, at_y] = self.index.keys()[cell];
+        let find = |steps: i32| {
+            let near = self.index.find([at_x.saturating_add(steps * x), at_y.saturating_add(steps * y)])?;
+            let run = f64::from(steps) * self.edge * f64::from(x).hypot(f64::from(y));
+            Some(Step { cell: near, run, fall: self.surfaces[cell].height - self.surfaces[near].height })
+        };
+        (1..=GAP + 1).find_map(find)
+    }
+
+    fn is_drop(&self, step: &Step) -> bool {
+        step.fall >= self.params.drop && step.fall >= SLOPE * step.run
+    }
+
+    fn is_level(&self, fall: f64, run: f64) -> bool {
+        fall.abs() <= self.params.step * run.max(1.0)
+    }
+
+    /// Whether a strip meets other ground without a step at both ends, but hardly between them.
+    fn is_deck(&self, strip: &[usize], axes: &[Option<usize>]) -> bool {
+        let counts = (0..AXES.len()).map(|axis| strip.iter().filter(|&&cell| axes[cell] == Some(axis)).count());
+        let across = AXES
+            [counts.enumerate().max_by_key(|&(axis, count)| (count, usize::MAX - axis)).map_or(0, |(axis, _)| axis)];
+        let along = |cell: usize| {
+            let [x, y] = self.index.keys()[cell].map(i64::from);
+            y * i64::from(across[0]) - x * i64::from(across[1])
+        };
+        let from = strip.iter().map(|&cell| along(cell)).min().unwrap_or(0);
+        let to = strip.iter().map(|&cell| along(cell)).max().unwrap_or(0);
+        let mut ends: Vec<usize> = strip.iter().flat_map(|&cell| self.meets(cell, axes)).collect();
+        ends.sort_unstable();
+        ends.dedup();
+        let mut contacts = [0; 3];
+        for cell in ends {
+            let place = (along(cell) - from) as f64 / (to - from).max(1) as f64;
+            contacts[usize::from(place >= END) + usize::from(place > 1.0 - END)] += 1;
+        }
+        let [first, between, last] = contacts;
+        first > 0 && last > 0 && f64::from(between) <= BETWEEN * strip.len() as f64
+    }
+
+    /// Cells with ground beside a cell and level with it that are of no strip.
+    fn meets(&self, cell: usize, axes: &[Option<usize>]) -> impl Iterator<Item = usize> {
+        let height = self.surfaces[cell].height;
+        self.around(cell)
+            .filter(move |&near| axes[near].is_none() && self.is_level(height - self.surfaces[near].ground, self.edge))
+    }
+
+    /// Occupied cells around a cell, itself included.
+    fn around(&self, cell: usize) -> impl Iterator<Item = usize> + '_ {
+        block(self.index.keys()[cell], 1).filter_map(|key| self.index.find(key))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Cloud;
+
+    /// A scan of ground.
+    struct Scan {
+        rows: Vec<[f64; 3]>,
+        codes: Vec<u8>,
+    }
+
+    /// 120 x 120 m at 4 points a square metre with a cutting along y, 6 m deep and 40 m wide, whose sides have this slope.
+    /// Where `deck` gives a height, this is the ground.
+    fn cutting(slope: f64, deck: impl Fn(f64, f64) -> Option<f64>) -> Scan {
+        let places = (0..57_600).map(|i| [f64::from(i % 240) / 2.0 + 0.2, f64::from(i / 240) / 2.0 + 0.2]);
+        let ground = |x: f64| (slope * ((x - 60.0).abs() - 20.0)).clamp(-6.0, 0.0);
+        let height = |[x, y]: [f64; 2]| deck(x, y).filter(|_| (x - 60.0).abs() < 20.0).unwrap_or(ground(x));
+        let rows: Vec<[f64; 3]> = places.map(|[x, y]| [x, y, height([x, y])]).collect();
+        Scan { codes: vec![GROUND; rows.len()], rows }
+    }
+
+    /// Square metres of decks, which are at a height of 0.
+    fn found(scan: &Scan) -> f64 {
+        let points = Points::from_cloud(&Cloud::from_rows(&scan.rows).unwrap(), 1.0);
+        let land = Land { points: &points, codes: &scan.codes, free: 1, density: 4.0 };
+        let rows = overpasses(&DeckParams::default(), &land, &Monitor::default()).unwrap();
+        assert!(rows.iter().all(|&row| scan.rows[points.frame.index[row as usize] as usize][2] > -0.8));
+        rows.len() as f64 / 4.0
+    }
+
+    /// A deck of a width along x, askew by `turn`.
+    fn deck(width: f64, turn: f64) -> impl Fn(f64, f64) -> Option<f64> {
+        move |x, y| ((y - 60.0) - turn * (x - 60.0)).abs().lt(&(width / 2.0)).then_some(0.0)
+    }
+
+    #[test]
+    fn a_bridge_over_a_cutting_is_found() {
+        for (width, turn) in [(4.0, 0.0), (8.0, 0.3), (12.0, 0.0), (28.0, 0.2)] {
+            let area = found(&cutting(0.67, deck(width, turn)));
+            assert!((0.6..1.0).contains(&(area / (40.0 * width))), "{width} {turn}: {area}");
+        }
+    }
+
+    #[test]
+    fn lines_without_points_on_a_deck_do_not_hide_it() {
+        let full = cutting(0.67, deck(8.0, 0.0));
+        let hole = |&[x, y, _]: &[f64; 3]| (y - 60.0).abs() < 1.6 && ((x - 50.5).abs() < 0.6 || (x - 60.5).abs() < 0.6);
+        let rows: Vec<[f64; 3]> = full.rows.into_iter().filter(|row| !hole(row)).collect();
+        let area = found(&Scan { codes: vec![GROUND; rows.len()], rows });
+        assert!((220.0..320.0).contains(&area), "{area}");
+    }
+
+    #[test]
+    fn a_deck_whose_middle_is_unclassified_is_found_with_the_rest() {
+        let mut scan = cutting(0.67, deck(8.0, 0.0));
+        let middle = |&[x, y, _]: &[f64; 3]| (x - 60.0).abs() < 5.0 && (y - 60.0).abs() < 4.0;
+        scan.codes = scan.rows.iter().map(|row| if middle(row) { 1 } else { GROUND }).collect();
+        let area = found(&scan);
+        assert!((150.0..250.0).contains(&area), "{area}");
+    }
+
+    #[test]
+    fn embankments_terraces_and_roofs_are_no_decks() {
+        // A dam with sides of 45 degrees across the cutting.
+        let dam = |_: f64, y: f64| Some((7.0 - (y - 60.0).abs()).clamp(-6.0, 0.0));
+        assert_eq!(found(&cutting(0.67, dam)), 0.0);
+        assert_eq!(found(&cutting(0.67, |_, _| None)), 0.0);
+        // Walls instead of slopes, at the whole cutting: a terrace on each side.
+        assert_eq!(found(&cutting(50.0, |_, _| None)), 0.0);
+        // A flat roof in the cutting, level with the land around, and a pier.
+        let roof = |x: f64, y: f64| ((x - 60.0).abs() < 10.0 && (y - 60.0).abs() < 8.0).then_some(0.0);
+        assert_eq!(found(&cutting(0.67, roof)), 0.0);
+        let pier = |x: f64, y: f64| (x < 65.0 && (y - 60.0).abs() < 4.0).then_some(0.0);
+        assert_eq!(found(&cutting(0.67, pier)), 0.0);
+        assert_eq!(found(&Scan { rows: Vec::new(), codes: Vec::new() }), 0.0);
+    }
+}
