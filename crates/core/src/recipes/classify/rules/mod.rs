@@ -5,7 +5,7 @@
 mod cars;
 mod decks;
 mod level;
-mod overpasses;
+mod raised;
 mod spans;
 mod water;
 mod wires;
@@ -26,7 +26,7 @@ use crate::voxels::cells::{Cells, cell_of};
 use crate::voxels::rows::RowGrid;
 use cars::Named;
 use level::LevelRows;
-use overpasses::{Land, overpasses};
+use raised::{Land, raised};
 use serde::{Deserialize, Serialize};
 use spans::{Scan, Span, spans};
 
@@ -121,8 +121,8 @@ pub struct ClassRules {
     /// Buildings (6) that are level with the ground around them become ground (hilltops) or unclassified (decks of short
     /// bridges, terraces). Only for models with the ASPRS classes 2 and 6.
     pub level: LevelParams,
-    /// Buildings (6) that are the deck of a long bridge, and ground (2) that is the deck of a bridge over land, become
-    /// unclassified. Only for models with the ASPRS classes 2 and 6.
+    /// Buildings (6) that are the deck of a long bridge, and ground (2) that is the deck of a bridge over land or stands above
+    /// all ground around it, become unclassified. Only for models with the ASPRS classes 2 and 6.
     pub decks: DeckParams,
     /// Ground (2) that is water becomes unclassified, or water (9), where it is found. Only for models with the ASPRS class 2
     /// and 5 or 6, but not 9.
@@ -264,7 +264,7 @@ impl ClassRules {
         }
         if self.finds_decks(classes) && (f64::EPSILON..THIN).contains(&result.density) {
             result.warnings.push(format!(
-                "{:.1} points per square metre: decks of bridges may be named ground, for below {THIN:.0} not all are found",
+                "{:.1} points per square metre: decks of bridges may be named ground or building, for below {THIN:.0} not all are found",
                 result.density
             ));
         }
@@ -315,7 +315,7 @@ impl ClassRules {
         // After the wires, for the rims of decks look like some.
         if self.finds_decks(classes) {
             let land = Land { points, codes: &result.codes, free, density: result.density };
-            let found = overpasses(&self.decks, &land, monitor)?;
+            let found = raised(&self.decks, &land, monitor)?;
             found.iter().for_each(|&row| result.codes[index[row as usize] as usize] = free);
         }
         if !result.cars.is_empty() {

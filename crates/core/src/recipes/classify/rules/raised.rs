@@ -1,5 +1,6 @@
-//! Ground that is the deck of a bridge: level with the ground at both ends, with a steep drop on both sides. Decks over a
-//! road in a cutting look like this to the ground filter, which keeps what is level with the land around.
+//! Ground that is none, as it stands on other ground. The deck of a bridge over land is level with the ground at both ends,
+//! with a steep drop on both sides: the ground filter keeps what is level with the land around. An island is higher than
+//! all ground around it, such as a roof wider than the filter's window.
 
 use super::{AXES, DeckParams, GROUND, SPACINGS, block, cell_edge, plan_cell};
 use crate::cloud::Points;
@@ -22,6 +23,18 @@ const END: f64 = 0.25;
 /// At most this share of a deck's cells may be level with other ground between the ends.
 const BETWEEN: f64 = 0.05;
 
+/// Ground at least this much higher than all ground around it is an island, metres.
+const RISE: f64 = 2.5;
+/// Neighbouring cells are joined by land up to this slope, or up to a step of so many metres.
+const CLIMB: f64 = 1.0;
+const THRESHOLD: f64 = 0.5;
+/// Area of an island, square metres: no car, and no mountain.
+const ISLAND: std::ops::RangeInclusive<f64> = 10.0..=20_000.0;
+/// At least this share of an island's border drops to lower ground, in so many of eight directions: land at the edge of a scan
+/// drops in fewer.
+const SHORE: f64 = 0.95;
+const SIDES: u32 = 7;
+
 /// Points with classes.
 pub(super) struct Land<'a> {
     pub(super) points: &'a Points,
@@ -33,8 +46,8 @@ pub(super) struct Land<'a> {
     pub(super) density: f64,
 }
 
-/// The rows of ground points that are decks of bridges, ascending by cell. O(n log n).
-pub(super) fn overpasses(params: &DeckParams, land: &Land<'_>, monitor: &Monitor) -> Result<Vec<u32>> {
+/// The rows of ground points that are decks of bridges or islands, by cell. O(n log n).
+pub(super) fn raised(params: &DeckParams, land: &Land<'_>, monitor: &Monitor) -> Result<Vec<u32>> {
     let Land { points, codes, free, density } = *land;
     let code = |row: u32| codes[points.frame.index[row as usize] as usize];
     let used: Vec<u32> = (0..points.len() as u32).filter(|&row| code(row) == GROUND || code(row) == free).collect();
@@ -49,10 +62,13 @@ pub(super) fn overpasses(params: &DeckParams, land: &Land<'_>, monitor: &Monitor
     };
     let surfaces = map_watched(cells.len(), monitor, surface)?;
     let scene = Scene { params, index: CellIndex::new(cells.keys.clone()), surfaces, edge };
-    // Below a deck's rim lies the ground under it.
+    // Below a rim lies the ground under it.
     let lowest = |cell: usize| scene.surfaces[cell].height - params.drop / 2.0;
-    let decks = scene.decks(monitor)?;
-    Ok(decks.into_iter().flat_map(|cell| ground(cell).filter(move |&row| z(row) >= lowest(cell))).collect())
+    let mut raised = scene.decks(monitor)?;
+    raised.extend(scene.islands(monitor)?);
+    raised.sort_unstable();
+    raised.dedup();
+    Ok(raised.into_iter().flat_map(|cell| ground(cell).filter(move |&row| z(row) >= lowest(cell))).collect())
 }
 
 /// Heights of a cell, metres.
@@ -82,7 +98,63 @@ struct Step {
     fall: f64,
 }
 
+/// The border of a piece of land.
+#[derive(Clone, Copy, Default)]
+struct Border {
+    cells: u32,
+    /// Steps to other pieces.
+    steps: u32,
+    /// Those that drop to lower ground.
+    drops: u32,
+    /// A bit for each of eight directions in which it drops.
+    sides: u8,
+}
+
+impl Border {
+    fn step(&mut self, fall: f64, side: usize) {
+        self.steps += 1;
+        if fall >= RISE {
+            self.drops += 1;
+            self.sides |= 1 << side;
+        }
+    }
+
+    fn is_island(&self, edge: f64) -> bool {
+        ISLAND.contains(&(f64::from(self.cells) * edge.powi(2)))
+            && f64::from(self.drops) >= SHORE * f64::from(self.steps)
+            && self.sides.count_ones() >= SIDES
+    }
+}
+
 impl Scene<'_> {
+    /// The cells of all islands.
+    fn islands(&self, monitor: &Monitor) -> Result<Vec<usize>> {
+        let all = 0..self.surfaces.len();
+        let mut pieces = UnionFind::new(all.len());
+        let mut looks = Looks::at(monitor);
+        for cell in all.clone() {
+            looks.step()?;
+            for step in AXES.iter().filter_map(|&direction| self.step(cell, direction)) {
+                if step.fall.abs() <= THRESHOLD.max(CLIMB * step.run) {
+                    pieces.unite(cell as u32, step.cell as u32);
+                }
+            }
+        }
+        let roots = pieces.roots(monitor)?;
+        let mut borders = vec![Border::default(); all.len()];
+        for cell in all.clone() {
+            looks.step()?;
+            borders[roots[cell] as usize].cells += 1;
+            for (axis, &direction) in AXES.iter().enumerate() {
+                if let Some(step) = self.step(cell, direction).filter(|step| roots[step.cell] != roots[cell]) {
+                    borders[roots[cell] as usize].step(step.fall, axis);
+                    borders[roots[step.cell] as usize].step(-step.fall, axis + AXES.len());
+                }
+            }
+        }
+        Ok(all.filter(|&cell| borders[roots[cell] as usize].is_island(self.edge)).collect())
+    }
+
     /// The cells of all decks.
     fn decks(&self, monitor: &Monitor) -> Result<Vec<usize>> {
         let axes = self.strips(monitor)?;
@@ -241,7 +313,7 @@ mod tests {
     fn found(scan: &Scan) -> f64 {
         let points = Points::from_cloud(&Cloud::from_rows(&scan.rows).unwrap(), 1.0);
         let land = Land { points: &points, codes: &scan.codes, free: 1, density: 4.0 };
-        let rows = overpasses(&DeckParams::default(), &land, &Monitor::default()).unwrap();
+        let rows = raised(&DeckParams::default(), &land, &Monitor::default()).unwrap();
         assert!(rows.iter().all(|&row| scan.rows[points.frame.index[row as usize] as usize][2] > -0.8));
         rows.len() as f64 / 4.0
     }
@@ -278,18 +350,29 @@ mod tests {
     }
 
     #[test]
-    fn embankments_terraces_and_roofs_are_no_decks() {
+    fn embankments_terraces_and_piers_are_no_decks() {
         // A dam with sides of 45 degrees across the cutting.
         let dam = |_: f64, y: f64| Some((7.0 - (y - 60.0).abs()).clamp(-6.0, 0.0));
         assert_eq!(found(&cutting(0.67, dam)), 0.0);
         assert_eq!(found(&cutting(0.67, |_, _| None)), 0.0);
         // Walls instead of slopes, at the whole cutting: a terrace on each side.
         assert_eq!(found(&cutting(50.0, |_, _| None)), 0.0);
-        // A flat roof in the cutting, level with the land around, and a pier.
-        let roof = |x: f64, y: f64| ((x - 60.0).abs() < 10.0 && (y - 60.0).abs() < 8.0).then_some(0.0);
-        assert_eq!(found(&cutting(0.67, roof)), 0.0);
         let pier = |x: f64, y: f64| (x < 65.0 && (y - 60.0).abs() < 4.0).then_some(0.0);
         assert_eq!(found(&cutting(0.67, pier)), 0.0);
         assert_eq!(found(&Scan { rows: Vec::new(), codes: Vec::new() }), 0.0);
+    }
+
+    #[test]
+    fn a_roof_that_is_level_with_the_land_around_is_an_island_and_one_with_a_ramp_is_none() {
+        let roof = |x: f64, y: f64| ((x - 60.0).abs() < 10.0 && (y - 60.0).abs() < 8.0).then_some(0.0);
+        let area = found(&cutting(0.67, roof));
+        assert!((300.0..=320.0).contains(&area), "{area}");
+        let ramp = |x: f64, y: f64| {
+            roof(x, y).or(((x - 60.0).abs() < 2.0 && y > 60.0).then(|| (0.5 * (68.0 - y)).clamp(-6.0, 0.0)))
+        };
+        assert_eq!(found(&cutting(0.67, ramp)), 0.0);
+        // At the edge of the scan.
+        let half = |x: f64, y: f64| ((x - 60.0).abs() < 10.0 && y < 16.0).then_some(0.0);
+        assert_eq!(found(&cutting(0.67, half)), 0.0);
     }
 }
