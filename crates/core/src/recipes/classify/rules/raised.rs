@@ -254,9 +254,7 @@ impl Scene<'_> {
 
     /// Whether a strip meets other ground without a step at both ends, but hardly between them.
     fn is_deck(&self, strip: &[usize], axes: &[Option<usize>]) -> bool {
-        let counts = (0..AXES.len()).map(|axis| strip.iter().filter(|&&cell| axes[cell] == Some(axis)).count());
-        let across = AXES
-            [counts.enumerate().max_by_key(|&(axis, count)| (count, usize::MAX - axis)).map_or(0, |(axis, _)| axis)];
+        let across = Self::across(strip, axes);
         let along = |cell: usize| {
             let [x, y] = self.index.keys()[cell].map(i64::from);
             y * i64::from(across[0]) - x * i64::from(across[1])
@@ -273,6 +271,14 @@ impl Scene<'_> {
         }
         let [first, between, last] = contacts;
         first > 0 && last > 0 && f64::from(between) <= BETWEEN * strip.len() as f64
+    }
+
+    /// The most frequent axis across.
+    fn across(strip: &[usize], axes: &[Option<usize>]) -> [i32; 2] {
+        let mut counts = [0; AXES.len()];
+        strip.iter().filter_map(|&cell| axes[cell]).for_each(|axis| counts[axis] += 1);
+        let most = (1..AXES.len()).fold(0, |most, axis| if counts[axis] > counts[most] { axis } else { most });
+        AXES[most]
     }
 
     /// Cells with ground beside a cell and level with it that are of no strip.
