@@ -12,6 +12,7 @@ use crate::parallel::{Looks, Monitor, map_watched};
 use crate::voxels::cells::Cells;
 use crate::voxels::cells::index::CellIndex;
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::RangeInclusive;
 
 /// Least edge of a cell in plan, metres; also [`SPACINGS`] point spacings.
 const CELL: f64 = 1.0;
@@ -37,6 +38,8 @@ const WITH_LAND: usize = 2;
 /// Eight directions, anticlockwise. Water lies on two sides if it does in directions at least three apart, 135 degrees.
 const DIRECTIONS: [[i32; 2]; 8] = [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
 const APART: usize = 3;
+/// No void.
+const NONE: RangeInclusive<usize> = RangeInclusive::new(1, 0);
 
 /// Ground between water.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -118,23 +121,19 @@ impl Scene {
 
     /// For each cell between water its height above the ground along it, metres, if that is enough; else not a number.
     fn rises(&self, shore: &Shore, monitor: &Monitor) -> Result<Vec<f64>> {
-        // Most cells are far from water.
-        let is_between = |cell: usize| {
-            let near = || block(self.region(cell), 1).any(|key| shore.index.find(key).is_some());
-            !self.heights[cell].is_nan() && near() && self.is_between_water(cell)
-        };
-        let between = map_watched(self.heights.len(), monitor, is_between)?;
-        let mut rises = vec![f64::NAN; between.len()];
-        let mut levels: BTreeMap<[i32; 2], Option<f64>> = BTreeMap::new();
+        let regions: BTreeSet<[i32; 2]> = shore.index.keys().iter().flat_map(|&region| block(region, 1)).collect();
+        let mut levels = BTreeMap::new();
         let mut looks = Looks::at(monitor);
-        for cell in (0..between.len()).filter(|&cell| between[cell]) {
+        for region in regions {
             looks.step()?;
-            let region = self.region(cell);
-            let level = *levels.entry(region).or_insert_with(|| self.shore_level(region, shore));
-            let rise = level.map(|level| self.heights[cell] - level);
-            rises[cell] = rise.filter(|&rise| rise >= RISE).unwrap_or(f64::NAN);
+            levels.extend(self.shore_level(region, shore).map(|level| (region, level)));
         }
-        Ok(rises)
+        // Most cells are far from water or low: what takes time comes last.
+        let rise = |cell: usize| {
+            let rise = self.heights[cell] - levels.get(&self.region(cell))?;
+            (rise >= RISE && self.is_between_water(cell)).then_some(rise)
+        };
+        map_watched(self.heights.len(), monitor, |cell| rise(cell).unwrap_or(f64::NAN))
     }
 
     /// Height of the ground along the water in and around a region, metres, if there is enough of it.
@@ -199,26 +198,43 @@ impl Scene {
     /// Whether a cell has water on two sides, not too far from each other.
     fn is_between_water(&self, cell: usize) -> bool {
         let key = self.index.keys()[cell];
-        let away = DIRECTIONS.map(|direction| self.water(key, direction));
+        let voids = DIRECTIONS.map(|direction| self.void(key, direction));
+        let mut water = [None; DIRECTIONS.len()];
+        let mut is_water = |side: usize| *water[side].get_or_insert_with(|| self.is_water(key, side, &voids[side]));
         let pairs = (0..8).flat_map(|first| (APART..=4).map(move |apart| [first, (first + apart) % 8]));
-        pairs.map(|pair| pair.map(|side| away[side])).any(|[a, b]| a + b <= WIDTH)
+        let is_near = |[a, b]: &[usize; 2]| self.distance(*a, &voids[*a]) + self.distance(*b, &voids[*b]) <= WIDTH;
+        pairs.filter(is_near).any(|[a, b]| is_water(a) && is_water(b))
     }
 
-    /// The distance to the water in a direction, metres; infinite if there is none within the width of a span.
-    fn water(&self, key: [i32; 2], direction: [i32; 2]) -> f64 {
-        let run = self.edge * f64::from(direction[0]).hypot(f64::from(direction[1]));
-        let at = |step: usize| moved(key, direction, step as i32);
-        // The middles of empty blocks of three cells.
-        let Some(first) = (1..=(WIDTH / run) as usize + 1).find(|&step| self.is_empty(at(step))) else {
-            return f64::INFINITY;
-        };
-        let last = first + ((WATER / run).ceil() as usize).saturating_sub(3);
+    /// The nearest places without points in a direction, long enough for water: steps to the middles of the first and the
+    /// last three cells.
+    fn void(&self, key: [i32; 2], direction: [i32; 2]) -> RangeInclusive<usize> {
+        let run = self.run(direction);
+        let is_empty = |step: usize| self.is_empty(moved(key, direction, step as i32));
+        let first = (1..=(WIDTH / run) as usize + 1).find(|&step| is_empty(step));
+        let last = first.map(|first| first + ((WATER / run).ceil() as usize).saturating_sub(3));
+        first
+            .zip(last)
+            .map(|(first, last)| first..=last)
+            .filter(|void| void.clone().skip(1).all(is_empty))
+            .unwrap_or(NONE)
+    }
+
+    /// The distance to a void, metres; infinite without one.
+    fn distance(&self, side: usize, void: &RangeInclusive<usize>) -> f64 {
+        if void.is_empty() { f64::INFINITY } else { (void.start() - 1) as f64 * self.run(DIRECTIONS[side]) }
+    }
+
+    /// Whether a void is water: the outside of a scan is none.
+    fn is_water(&self, key: [i32; 2], side: usize, void: &RangeInclusive<usize>) -> bool {
         let land = |key: [i32; 2]| self.index.find(key).is_some();
-        let inside = |step: usize| axes_with_land(at(step), self.edge, land) >= WITH_LAND;
-        match (first + 1..=last).all(|step| self.is_empty(at(step))) && (first..=last).any(inside) {
-            true => (first - 1) as f64 * run,
-            false => f64::INFINITY,
-        }
+        let at = |step: usize| moved(key, DIRECTIONS[side], step as i32);
+        void.clone().any(|step| axes_with_land(at(step), self.edge, land) >= WITH_LAND)
+    }
+
+    /// Metres to the next cell in a direction.
+    fn run(&self, [x, y]: [i32; 2]) -> f64 {
+        self.edge * f64::from(x).hypot(f64::from(y))
     }
 }
 
