@@ -184,8 +184,8 @@ impl Scene<'_> {
     /// For each cell between two drops the axis across, a place in [`AXES`].
     fn strips(&self, monitor: &Monitor) -> Result<Vec<Option<usize>>> {
         let of_brink = |cell: usize| {
-            let across = |(axis, &direction): (usize, &[i32; 2])| Some((axis, self.strip(cell, direction)?));
-            AXES.iter().enumerate().filter_map(across).collect::<Vec<_>>()
+            let across = |axis: usize| Some((axis, self.strip(cell, AXES[axis])?));
+            (0..AXES.len()).filter_map(across).collect::<Vec<_>>()
         };
         let mut axes = vec![None; self.surfaces.len()];
         for (axis, strip) in map_watched(self.surfaces.len(), monitor, of_brink)?.into_iter().flatten() {
