@@ -19,6 +19,7 @@ pub use wires::WireParams;
 use crate::classes::ClassTable;
 use crate::cloud::{MetricCloud, Points, Positions};
 use crate::error::{Error, Result};
+use crate::graph::UnionFind;
 use crate::parallel::{Looks, Monitor};
 use crate::recipes::classify::Classified;
 use crate::terrain::{HeightParams, heights_above};
@@ -77,6 +78,25 @@ fn axes_with_land([x, y]: [i32; 2], edge: f64, is_land: impl Fn([i32; 2]) -> boo
         (1..=(ACROSS / run) as i32).any(|step| is_land([x.saturating_add(step * dx), y.saturating_add(step * dy)]))
     };
     AXES.into_iter().filter(|&[dx, dy]| seen([dx, dy]) && seen([-dx, -dy])).count()
+}
+
+/// Groups of cells, which ascend, as `near` joins them; those of a group ascend too.
+fn groups<I: Iterator<Item = usize>>(
+    mut cells: Vec<usize>,
+    near: impl Fn(usize) -> I,
+    monitor: &Monitor,
+) -> Result<Vec<Vec<usize>>> {
+    let mut joined = UnionFind::new(cells.last().map_or(0, |last| last + 1));
+    let mut looks = Looks::at(monitor);
+    for &cell in &cells {
+        looks.step()?;
+        for near in near(cell) {
+            joined.unite(cell as u32, near as u32);
+        }
+    }
+    let roots = joined.roots(monitor)?;
+    cells.sort_by_key(|&cell| roots[cell]);
+    Ok(cells.chunk_by(|&a, &b| roots[a] == roots[b]).map(<[usize]>::to_vec).collect())
 }
 
 /// The value below which this share of the values lies: the nearest of them. Sorts them in part.
@@ -495,6 +515,7 @@ mod tests {
         assert!(thin.len() == 1 && thin[0].contains("0.2 points per square metre: decks of bridges"), "{thin:?}");
         assert!(warnings(0.5, &rules).is_empty() && warnings(2.0, &ClassRules::default()).is_empty());
     }
+
     #[test]
     fn a_warning_names_the_place_of_a_bridge_in_the_units_of_the_file() {
         // In feet: a canal without points, 15 m wide, and a bridge of 6 m across it.

@@ -2,7 +2,7 @@
 //! with a steep drop on both sides: the ground filter keeps what is level with the land around. An island is higher than
 //! all ground around it, such as a roof wider than the filter's window.
 
-use super::{AXES, DeckParams, GROUND, SPACINGS, block, cell_edge, plan_cell};
+use super::{AXES, DeckParams, GROUND, SPACINGS, block, cell_edge, groups, plan_cell};
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::graph::UnionFind;
@@ -158,27 +158,12 @@ impl Scene<'_> {
     /// The cells of all decks.
     fn decks(&self, monitor: &Monitor) -> Result<Vec<usize>> {
         let axes = self.strips(monitor)?;
-        let mut strips = UnionFind::new(axes.len());
-        let mut cells: Vec<usize> = (0..axes.len()).filter(|&cell| axes[cell].is_some()).collect();
-        let mut looks = Looks::at(monitor);
-        for &cell in &cells {
-            looks.step()?;
-            for near in self.around(cell).filter(|&near| axes[near].is_some()) {
-                if self.is_level(self.surfaces[cell].height - self.surfaces[near].height, self.edge) {
-                    strips.unite(cell as u32, near as u32);
-                }
-            }
-        }
-        let roots = strips.roots(monitor)?;
-        cells.sort_by_key(|&cell| roots[cell]);
-        let mut decks = Vec::new();
-        for strip in cells.chunk_by(|&a, &b| roots[a] == roots[b]) {
-            monitor.check()?;
-            if strip.len() as f64 * self.edge.powi(2) >= AREA && self.is_deck(strip, &axes) {
-                decks.extend(strip);
-            }
-        }
-        Ok(decks)
+        let level = |a: usize, b: usize| self.is_level(self.surfaces[a].height - self.surfaces[b].height, self.edge);
+        let near =
+            |cell: usize| self.around(cell).filter(|&near| axes[near].is_some()).filter(move |&near| level(cell, near));
+        let cells = (0..axes.len()).filter(|&cell| axes[cell].is_some()).collect();
+        let is_deck = |strip: &Vec<usize>| strip.len() as f64 * self.edge.powi(2) >= AREA && self.is_deck(strip, &axes);
+        Ok(groups(cells, near, monitor)?.into_iter().filter(is_deck).flatten().collect())
     }
 
     /// For each cell between two drops the axis across, a place in [`AXES`].

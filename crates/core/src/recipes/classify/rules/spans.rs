@@ -4,10 +4,9 @@
 //! These points keep their class: dams between ponds look the same, and few open scans hold bridges to tell them by. Only
 //! a warning says where they are.
 
-use super::{AXES, GROUND, SPACINGS, axes_with_land, block, cell_edge, plan_cell, quantile};
+use super::{AXES, GROUND, SPACINGS, axes_with_land, block, cell_edge, groups, plan_cell, quantile};
 use crate::cloud::Points;
 use crate::error::Result;
-use crate::graph::UnionFind;
 use crate::parallel::{Looks, Monitor, map_watched};
 use crate::voxels::cells::Cells;
 use crate::voxels::cells::index::CellIndex;
@@ -146,18 +145,9 @@ impl Scene {
 
     /// Raised cells between water that touch each other, are large enough together, and join two banks.
     fn strips(&self, rises: &[f64], monitor: &Monitor) -> Result<Vec<Vec<usize>>> {
-        let mut cells: Vec<usize> = (0..rises.len()).filter(|&cell| !rises[cell].is_nan()).collect();
-        let mut strips = UnionFind::new(rises.len());
-        let mut looks = Looks::at(monitor);
-        for &cell in &cells {
-            looks.step()?;
-            for near in self.ground_around(cell).filter(|&near| !rises[near].is_nan()) {
-                strips.unite(cell as u32, near as u32);
-            }
-        }
-        let roots = strips.roots(monitor)?;
-        cells.sort_by_key(|&cell| roots[cell]);
-        let strips = cells.chunk_by(|&a, &b| roots[a] == roots[b]).map(<[usize]>::to_vec);
+        let cells = (0..rises.len()).filter(|&cell| !rises[cell].is_nan()).collect();
+        let near = |cell: usize| self.ground_around(cell).filter(|&near| !rises[near].is_nan());
+        let strips = groups(cells, near, monitor)?.into_iter();
         Ok(strips.filter(|strip| strip.len() as f64 * self.edge.powi(2) >= AREA && self.joins(strip)).collect())
     }
 
