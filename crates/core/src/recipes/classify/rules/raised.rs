@@ -2,7 +2,7 @@
 //! with a steep drop on both sides: the ground filter keeps what is level with the land around. An island is higher than
 //! all ground around it, such as a roof wider than the filter's window.
 
-use super::{AXES, DeckParams, GROUND, SPACINGS, block, cell_edge, groups, plan_cell};
+use super::{AXES, DeckParams, GROUND, SPACINGS, block, cell_edge, groups, plan_cell, quantile};
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::graph::UnionFind;
@@ -14,6 +14,8 @@ use crate::voxels::cells::index::CellIndex;
 const WIDTH: f64 = 40.0;
 /// Least slope of a drop: 56 degrees, which no embankment of earth has.
 const SLOPE: f64 = 1.5;
+/// The height of a cell: this share of its points is lower.
+const LOW: f64 = 0.25;
 /// Cells without ground that are passed on the way.
 const GAP: i32 = 2;
 /// Least area of a deck, square metres.
@@ -57,13 +59,14 @@ pub(super) fn raised(params: &DeckParams, land: &Land<'_>, monitor: &Monitor) ->
     let z = |row: u32| f64::from(points.positions.z[row as usize]);
     let ground = |cell: usize| rows(cell).filter(|&row| code(row) == GROUND);
     let surface = |cell: usize| Surface {
-        height: rows(cell).map(z).fold(f64::MIN, f64::max),
-        ground: ground(cell).map(z).fold(f64::MIN, f64::max),
+        highest: ground(cell).map(z).fold(f64::MIN, f64::max),
+        height: low(rows(cell).map(z).collect()),
+        ground: low(ground(cell).map(z).collect()),
     };
     let surfaces = map_watched(cells.len(), monitor, surface)?;
     let scene = Scene { params, index: CellIndex::new(cells.keys.clone()), surfaces, edge };
     // Below a rim lies the ground under it.
-    let lowest = |cell: usize| scene.surfaces[cell].height - params.drop / 2.0;
+    let lowest = |cell: usize| scene.surfaces[cell].highest - params.drop / 2.0;
     let mut raised = scene.decks(monitor)?;
     raised.extend(scene.islands(monitor)?);
     raised.sort_unstable();
@@ -74,10 +77,17 @@ pub(super) fn raised(params: &DeckParams, land: &Land<'_>, monitor: &Monitor) ->
 /// Heights of a cell, metres.
 #[derive(Clone, Copy, Debug, Default)]
 struct Surface {
-    /// Its highest point.
-    height: f64,
     /// Its highest ground point.
+    highest: f64,
+    /// [`LOW`] of its points are lower: a railing is higher.
+    height: f64,
+    /// The same of its ground points.
     ground: f64,
+}
+
+/// The height below which [`LOW`] of the heights are; lowest without any.
+fn low(mut heights: Vec<f64>) -> f64 {
+    if heights.is_empty() { f64::MIN } else { quantile(&mut heights, LOW) }
 }
 
 /// The cells of a cloud.

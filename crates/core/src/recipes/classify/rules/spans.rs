@@ -1,54 +1,42 @@
-//! Ground that may be the deck of a bridge over water: it lies between places without points, as water reflects the pulses
-//! away, and above the ground along them.
+//! Ground between two waters, which may be the deck of a bridge. Water reflects the pulses away: a piece of it is a place
+//! without points and with land around.
 //!
-//! These points keep their class: dams between ponds look the same, and few open scans hold bridges to tell them by. Only
-//! a warning says where they are.
+//! This ground keeps its class: dams between ponds look the same, and few open scans hold bridges to tell them by. Only
+//! a warning says where it is.
 
-use super::{AXES, GROUND, SPACINGS, axes_with_land, block, cell_edge, groups, plan_cell, quantile};
+use super::{GROUND, SPACINGS, axes_with_land, block, cell_edge, groups, plan_cell};
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::parallel::{Looks, Monitor, map_watched};
 use crate::voxels::cells::Cells;
 use crate::voxels::cells::index::CellIndex;
-use std::collections::{BTreeMap, BTreeSet};
-use std::ops::RangeInclusive;
+use std::cmp::Reverse;
+use std::collections::{BTreeSet, BinaryHeap};
 
 /// Least edge of a cell in plan, metres; also [`SPACINGS`] point spacings.
-const CELL: f64 = 1.0;
-/// Greatest distance from the water on one side to that on the other, metres.
+const CELL: f64 = 0.7;
+/// Greatest distance from water to water over the ground between, metres.
 const WIDTH: f64 = 20.0;
-/// Least extent of the water on each side, across, metres. It is at least three cells wide.
-const WATER: f64 = 5.0;
-/// Least area, square metres.
-const AREA: f64 = 15.0;
-/// Least height of a cell above the ground along the water, metres.
-const RISE: f64 = 0.8;
-/// That ground: in the region of this edge, metres, that holds the cell, and in those around it; at least so many cells.
-const REGION: f64 = 20.0;
-const FEWEST: usize = 10;
-/// Its height: this share of these cells is lower.
-const LOW: f64 = 0.3;
+/// Least length of a water's shore, metres.
+const SHORE: f64 = 20.0;
+/// Least area of the ground between, square metres.
+const AREA: f64 = 8.0;
 /// Largest step to the banks, metres; cells larger than 1 m may have as much for each metre.
 const STEP: f64 = 0.4;
-/// Cells away from water, at most, of that ground.
-const NEAR: i32 = 2;
-/// Somewhere between its two ends water has land on both sides along so many of [`AXES`]; the outside of a scan has not.
+/// Water has land on both sides along so many of four axes; the outside of a scan has not.
 const WITH_LAND: usize = 2;
-/// Eight directions, anticlockwise. Water lies on two sides if it does in directions at least three apart, 135 degrees.
-const DIRECTIONS: [[i32; 2]; 8] = [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
-const APART: usize = 3;
-/// No void.
-const NONE: RangeInclusive<usize> = RangeInclusive::new(1, 0);
+/// Way from the middle of one cell to that of the next, straight and diagonal, and from water to the middle of the first cell.
+const STRAIGHT: u32 = 5;
+const DIAGONAL: u32 = 7;
+const ASHORE: u32 = 2;
 
-/// Ground between water.
+/// Ground between two waters that joins two banks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Span {
-    /// A ground point in its middle.
+    /// A ground point where it is narrowest.
     pub(super) row: u32,
-    /// Square metres.
-    pub(super) area: f64,
-    /// Height above the ground along the water, metres.
-    pub(super) rise: f64,
+    /// Its width there, from water to water, metres.
+    pub(super) width: f64,
 }
 
 /// Points with classes.
@@ -62,7 +50,7 @@ pub(super) struct Scan<'a> {
     pub(super) density: f64,
 }
 
-/// What may be decks of bridges in the ground, the largest first. O(n log n).
+/// What may be decks of bridges in the ground, the narrowest first. O(n log n).
 pub(super) fn spans(scan: &Scan<'_>, monitor: &Monitor) -> Result<Vec<Span>> {
     let Scan { points, codes, wet, density } = *scan;
     let mut is_dry = vec![true; points.len()];
@@ -78,14 +66,14 @@ pub(super) fn spans(scan: &Scan<'_>, monitor: &Monitor) -> Result<Vec<Span>> {
         |cell: usize| ground(cell).map(|row| f64::from(points.positions.z[row as usize])).fold(f64::NAN, f64::max);
     let heights = map_watched(cells.len(), monitor, height)?;
     let scene = Scene { index: CellIndex::new(cells.keys.clone()), heights, edge };
-    let rises = scene.rises(&scene.shore(monitor)?, monitor)?;
-    let span = |strip: Vec<usize>| {
-        let mut own: Vec<f64> = strip.iter().map(|&cell| rises[cell]).collect();
-        let row = ground(strip[strip.len() / 2]).next().unwrap_or_default();
-        Span { row, area: strip.len() as f64 * edge.powi(2), rise: quantile(&mut own, 0.5) }
+    let ways = scene.ways(&scene.waters(monitor)?, monitor)?;
+    let span = |strip: &Vec<usize>| {
+        let (cell, way) = strip.iter().filter_map(|&cell| Some((cell, ways[cell]?))).min_by_key(|&(_, way)| way)?;
+        let row = ground(cell).next()?;
+        Some(Span { row, width: f64::from(way) / f64::from(STRAIGHT) * edge })
     };
-    let mut spans: Vec<Span> = scene.strips(&rises, monitor)?.into_iter().map(span).collect();
-    spans.sort_by(|a, b| b.area.total_cmp(&a.area));
+    let mut spans: Vec<Span> = scene.strips(&ways, monitor)?.iter().filter_map(span).collect();
+    spans.sort_by(|a, b| a.width.total_cmp(&b.width));
     Ok(spans)
 }
 
@@ -98,55 +86,86 @@ struct Scene {
     edge: f64,
 }
 
+/// Shores of waters, as empty cells.
+struct Waters {
+    keys: Vec<[i32; 2]>,
+    /// Numbers in `keys`, one list a water.
+    shores: Vec<Vec<usize>>,
+}
+
+/// A way from water to a cell; the shortest is the first in order.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Way {
+    /// [`STRAIGHT`] a cell.
+    length: u32,
+    water: u32,
+    cell: u32,
+}
+
 impl Scene {
-    /// The cells of ground near water.
-    fn shore(&self, monitor: &Monitor) -> Result<Shore> {
-        let keys = self.index.keys();
-        let beside = map_watched(keys.len(), monitor, |cell| self.is_beside_water(cell))?;
-        let is_near = |cell: usize| {
-            let mut near = block(keys[cell], NEAR).filter_map(|key| self.index.find(key));
-            !self.heights[cell].is_nan() && near.any(|near| beside[near])
-        };
-        let near = map_watched(keys.len(), monitor, is_near)?;
-        let near: Vec<u32> = (0..near.len() as u32).filter(|&cell| near[cell as usize]).collect();
-        let regions = Cells::new(near.len(), |i| self.region(near[i] as usize), monitor)?;
-        Ok(Shore { index: CellIndex::new(regions.keys.clone()), near, regions })
+    /// Waters whose shore is long enough.
+    fn waters(&self, monitor: &Monitor) -> Result<Waters> {
+        let beside = map_watched(self.index.keys().len(), monitor, |cell| self.empty_beside(cell))?;
+        let mut empty: Vec<[i32; 2]> = beside.into_iter().flatten().collect();
+        empty.sort_unstable();
+        empty.dedup();
+        let land = |key: [i32; 2]| self.index.find(key).is_some();
+        let is_water = map_watched(empty.len(), monitor, |i| axes_with_land(empty[i], self.edge, land) >= WITH_LAND)?;
+        let keys: Vec<[i32; 2]> =
+            empty.into_iter().zip(is_water).filter(|(_, is_water)| *is_water).map(|(key, _)| key).collect();
+        let index = CellIndex::new(keys.clone());
+        let near = |i: usize| block(keys[i], 1).filter_map(|key| index.find(key));
+        let mut shores = groups((0..keys.len()).collect(), near, monitor)?;
+        shores.retain(|shore| shore.len() as f64 * self.edge >= SHORE);
+        Ok(Waters { keys, shores })
     }
 
-    /// The region of a cell.
-    fn region(&self, cell: usize) -> [i32; 2] {
-        self.index.keys()[cell].map(|axis| axis.div_euclid((REGION / self.edge).ceil() as i32))
-    }
-
-    /// For each cell between water its height above the ground along it, metres, if that is enough; else not a number.
-    fn rises(&self, shore: &Shore, monitor: &Monitor) -> Result<Vec<f64>> {
-        let regions: BTreeSet<[i32; 2]> = shore.index.keys().iter().flat_map(|&region| block(region, 1)).collect();
-        let mut levels = BTreeMap::new();
-        let mut looks = Looks::at(monitor);
-        for region in regions {
-            looks.step()?;
-            levels.extend(self.shore_level(region, shore).map(|level| (region, level)));
+    /// Empty cells two away from a cell whose neighbours are empty, too.
+    fn empty_beside(&self, cell: usize) -> Vec<[i32; 2]> {
+        let key = self.index.keys()[cell];
+        let is_free = |key: [i32; 2]| self.index.find(key).is_none();
+        // Most cells have points all around.
+        if !block(key, 1).any(is_free) {
+            return Vec::new();
         }
-        // Most cells are far from water or low: what takes time comes last.
-        let rise = |cell: usize| {
-            let rise = self.heights[cell] - levels.get(&self.region(cell))?;
-            (rise >= RISE && self.is_between_water(cell)).then_some(rise)
-        };
-        map_watched(self.heights.len(), monitor, |cell| rise(cell).unwrap_or(f64::NAN))
+        block(key, 2).filter(|&near| block(near, 1).all(is_free)).collect()
     }
 
-    /// Height of the ground along the water in and around a region, metres, if there is enough of it.
-    fn shore_level(&self, region: [i32; 2], shore: &Shore) -> Option<f64> {
-        let regions = block(region, 1).filter_map(|key| shore.index.find(key));
-        let cells = regions.flat_map(|region| shore.regions.of(region));
-        let mut heights: Vec<f64> = cells.map(|&i| self.heights[shore.near[i as usize] as usize]).collect();
-        (heights.len() >= FEWEST).then(|| quantile(&mut heights, LOW))
+    /// For each cell of ground between two waters the length of the way from one to the other through it.
+    fn ways(&self, waters: &Waters, monitor: &Monitor) -> Result<Vec<Option<u32>>> {
+        let most = (WIDTH / self.edge * f64::from(STRAIGHT)) as u32;
+        let mut open = BinaryHeap::new();
+        for (water, shore) in waters.shores.iter().enumerate() {
+            let near = shore.iter().flat_map(|&i| block(waters.keys[i], 2)).filter_map(|key| self.ground_at(key));
+            open.extend(near.map(|cell| Reverse(Way { length: ASHORE, water: water as u32, cell: cell as u32 })));
+        }
+        let mut first: Vec<Option<Way>> = vec![None; self.heights.len()];
+        let mut ways: Vec<Option<u32>> = vec![None; self.heights.len()];
+        let mut looks = Looks::at(monitor);
+        while let Some(Reverse(way)) = open.pop() {
+            looks.step()?;
+            let cell = way.cell as usize;
+            match first[cell] {
+                None => first[cell] = Some(way),
+                Some(other) if other.water == way.water || ways[cell].is_some() => continue,
+                Some(other) => ways[cell] = Some(other.length + way.length),
+            }
+            let key = self.index.keys()[cell];
+            for near in self.ground_around(cell) {
+                let [x, y] = self.index.keys()[near];
+                let length = way.length + if x == key[0] || y == key[1] { STRAIGHT } else { DIAGONAL };
+                if length <= most && first[near].is_none_or(|first| first.water != way.water) && ways[near].is_none() {
+                    open.push(Reverse(Way { length, cell: near as u32, ..way }));
+                }
+            }
+        }
+        Ok(ways.into_iter().map(|way| way.filter(|&length| length <= most)).collect())
     }
 
-    /// Raised cells between water that touch each other, are large enough together, and join two banks.
-    fn strips(&self, rises: &[f64], monitor: &Monitor) -> Result<Vec<Vec<usize>>> {
-        let cells = (0..rises.len()).filter(|&cell| !rises[cell].is_nan()).collect();
-        let near = |cell: usize| self.ground_around(cell).filter(|&near| !rises[near].is_nan());
+    /// Cells between waters that touch each other, are large enough together, and join two banks.
+    fn strips(&self, ways: &[Option<u32>], monitor: &Monitor) -> Result<Vec<Vec<usize>>> {
+        let cells = (0..ways.len()).filter(|&cell| ways[cell].is_some()).collect();
+        let near = |cell: usize| self.ground_around(cell).filter(|&near| ways[near].is_some());
         let strips = groups(cells, near, monitor)?.into_iter();
         Ok(strips.filter(|strip| strip.len() as f64 * self.edge.powi(2) >= AREA && self.joins(strip)).collect())
     }
@@ -169,76 +188,13 @@ impl Scene {
 
     /// Cells of ground around a cell, itself included.
     fn ground_around(&self, cell: usize) -> impl Iterator<Item = usize> {
-        let near = block(self.index.keys()[cell], 1).filter_map(|key| self.index.find(key));
-        near.filter(|&near| !self.heights[near].is_nan())
+        block(self.index.keys()[cell], 1).filter_map(|key| self.ground_at(key))
     }
 
-    /// Whether a place and the eight around it hold no points.
-    fn is_empty(&self, key: [i32; 2]) -> bool {
-        block(key, 1).all(|key| self.index.find(key).is_none())
+    /// The cell of a key if it holds ground.
+    fn ground_at(&self, key: [i32; 2]) -> Option<usize> {
+        self.index.find(key).filter(|&cell| !self.heights[cell].is_nan())
     }
-
-    /// Whether the next place but one in a direction is empty.
-    fn is_beside_water(&self, cell: usize) -> bool {
-        let key = self.index.keys()[cell];
-        let next = |[x, y]: [i32; 2]| self.is_empty(moved(key, [x, y], 2)) || self.is_empty(moved(key, [-x, -y], 2));
-        AXES.into_iter().any(next)
-    }
-
-    /// Whether a cell has water on two sides, not too far from each other.
-    fn is_between_water(&self, cell: usize) -> bool {
-        let key = self.index.keys()[cell];
-        let voids = DIRECTIONS.map(|direction| self.void(key, direction));
-        let mut water = [None; DIRECTIONS.len()];
-        let mut is_water = |side: usize| *water[side].get_or_insert_with(|| self.is_water(key, side, &voids[side]));
-        let pairs = (0..8).flat_map(|first| (APART..=4).map(move |apart| [first, (first + apart) % 8]));
-        let is_near = |[a, b]: &[usize; 2]| self.distance(*a, &voids[*a]) + self.distance(*b, &voids[*b]) <= WIDTH;
-        pairs.filter(is_near).any(|[a, b]| is_water(a) && is_water(b))
-    }
-
-    /// The nearest places without points in a direction, long enough for water: steps to the middles of the first and the
-    /// last three cells.
-    fn void(&self, key: [i32; 2], direction: [i32; 2]) -> RangeInclusive<usize> {
-        let run = self.run(direction);
-        let is_empty = |step: usize| self.is_empty(moved(key, direction, step as i32));
-        let first = (1..=(WIDTH / run) as usize + 1).find(|&step| is_empty(step));
-        let last = first.map(|first| first + ((WATER / run).ceil() as usize).saturating_sub(3));
-        first
-            .zip(last)
-            .map(|(first, last)| first..=last)
-            .filter(|void| void.clone().skip(1).all(is_empty))
-            .unwrap_or(NONE)
-    }
-
-    /// The distance to a void, metres; infinite without one.
-    fn distance(&self, side: usize, void: &RangeInclusive<usize>) -> f64 {
-        if void.is_empty() { f64::INFINITY } else { (void.start() - 1) as f64 * self.run(DIRECTIONS[side]) }
-    }
-
-    /// Whether a void is water: the outside of a scan is none.
-    fn is_water(&self, key: [i32; 2], side: usize, void: &RangeInclusive<usize>) -> bool {
-        let land = |key: [i32; 2]| self.index.find(key).is_some();
-        let at = |step: usize| moved(key, DIRECTIONS[side], step as i32);
-        void.clone().any(|step| axes_with_land(at(step), self.edge, land) >= WITH_LAND)
-    }
-
-    /// Metres to the next cell in a direction.
-    fn run(&self, [x, y]: [i32; 2]) -> f64 {
-        self.edge * f64::from(x).hypot(f64::from(y))
-    }
-}
-
-/// Cells of ground near water, by regions.
-struct Shore {
-    near: Vec<u32>,
-    /// Numbers in `near`.
-    regions: Cells<[i32; 2]>,
-    index: CellIndex<[i32; 2]>,
-}
-
-/// The place some steps away.
-fn moved([x, y]: [i32; 2], [dx, dy]: [i32; 2], steps: i32) -> [i32; 2] {
-    [x.saturating_add(steps * dx), y.saturating_add(steps * dy)]
 }
 
 #[cfg(test)]
@@ -265,34 +221,41 @@ mod tests {
     }
 
     #[test]
-    fn a_bridge_over_a_canal_without_returns_is_found_and_a_level_dam_is_not() {
-        let [span] = found(|x, y| canal(x, y, Some(1.2)))[..] else { panic!("not one span") };
-        assert!((span.rise - 1.2).abs() < 0.05 && (60.0..110.0).contains(&span.area), "{span:?}");
-        assert!(found(|x, y| canal(x, y, Some(0.2))).is_empty());
+    fn a_bridge_over_a_canal_without_returns_is_found_however_low() {
+        for height in [0.0, 0.5, 1.2] {
+            let [span] = found(|x, y| canal(x, y, Some(height)))[..] else { panic!("not one span") };
+            assert!((span.width - 6.0).abs() < 1.5, "{span:?}");
+        }
         assert!(found(|x, y| canal(x, y, None)).is_empty());
     }
 
     #[test]
+    fn a_bridge_askew_over_a_narrow_canal_is_found() {
+        for turn in [0.2, 0.5, 1.0] {
+            let off = |x: f64, y: f64| (y - 60.0 - turn * (x - 60.0)) / turn.hypot(1.0);
+            let along = |x: f64, y: f64| (x - 60.0 + turn * (y - 60.0)) / turn.hypot(1.0);
+            let height = |x: f64, y: f64| (off(x, y).abs() > 2.3 || along(x, y).abs() < 4.0).then_some(0.0);
+            assert_eq!(found(height).len(), 1, "{turn}");
+        }
+    }
+
+    #[test]
     fn a_bridge_at_the_edge_of_a_scan_is_found_and_a_peninsula_is_not() {
-        // Water has land along two axes only next to the bridge, 5 m from the edge.
+        // Water has land along two axes only next to the bridge.
         let height = |x: f64, y: f64| match (y - 60.0).abs() < 3.5 {
-            true => ((x - 112.5).abs() < 2.5).then_some(1.2),
+            true => ((x - 92.5).abs() < 2.5).then_some(1.2),
             false => Some(0.0),
         };
         assert_eq!(found(height).len(), 1);
-        // A canal that turns by 45 degrees below the bridge.
-        let bent = |x: f64, y: f64| {
-            let off = if x < 60.0 { y - 60.0 } else { (y - 60.0 - (x - 60.0)) / 1.4 };
-            match off.abs() < 4.0 {
-                true => ((x - 60.0).abs() < 2.5).then_some(1.2),
-                false => Some(0.0),
-            }
-        };
-        assert_eq!(found(bent).len(), 1);
         let tip = |x: f64, y: f64| (y - 60.0).abs() < 8.0 && x > 50.0;
         let sea = |x: f64, y: f64| (y - 60.0).abs() < 30.0 && x > 20.0;
         let low = |x: f64| if x < 55.0 { 0.0 } else { 1.5 };
         assert!(found(|x, y| if tip(x, y) { Some(low(x)) } else { (!sea(x, y)).then_some(0.0) }).is_empty());
+        // Land of 12 m between two lakes whose other banks are no nearer than 40 m: too wide only beyond 20 m.
+        let lakes = |width: f64| {
+            move |x: f64, y: f64| ((y - 60.0).abs() > 20.0 || (x - 60.0).abs() < width / 2.0).then_some(0.0)
+        };
+        assert_eq!([found(lakes(12.0)).len(), found(lakes(26.0)).len()], [1, 0]);
     }
 
     #[test]
