@@ -1,6 +1,7 @@
 //! Cars: groups of points that are like cars one by one, and have the size of cars and free ground around them.
 
-use super::{BUILDING, GROUND, LOW, SPACINGS, block, cell_edge, plan_cell, quantile};
+use super::plan::{SPACINGS, block, cell_edge, plan_cell, quantile};
+use super::{BUILDING, GROUND, LOW};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::graph::UnionFind;

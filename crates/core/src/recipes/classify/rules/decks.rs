@@ -1,7 +1,8 @@
 //! Decks of long bridges, which the trees take for roofs: long, narrow and smooth, level with the ground at both ends and
 //! high above it on both sides.
 
-use super::{AXES, BUILDING, GROUND, SPACINGS, block, cell_edge, plan_cell};
+use super::plan::{AXES, SPACINGS, block, cell_edge, plan_cell};
+use super::{BUILDING, GROUND};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::graph::UnionFind;

@@ -1,7 +1,8 @@
 //! Buildings that do not stand above the ground around them: hilltops, terraces and decks of bridges, which the trees
 //! take for roofs because they are flat and high.
 
-use super::{BUILDING, GROUND, SPACINGS, cell_edge, plan_cell};
+use super::plan::{SPACINGS, cell_edge, plan_cell};
+use super::{BUILDING, GROUND};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::graph::UnionFind;

@@ -2,7 +2,8 @@
 //! with a steep drop on both sides: the ground filter keeps what is level with the land around. An island is higher than
 //! all ground around it, such as a roof wider than the filter's window.
 
-use super::{AXES, DeckParams, GROUND, SPACINGS, block, cell_edge, groups, plan_cell, quantile};
+use super::plan::{AXES, SPACINGS, block, cell_edge, groups, plan_cell, quantile};
+use super::{DeckParams, GROUND};
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::graph::UnionFind;

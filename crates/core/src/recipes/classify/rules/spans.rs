@@ -4,14 +4,15 @@
 //! This ground keeps its class: dams between ponds look the same, and few open scans hold bridges to tell them by. Only
 //! a warning says where it is.
 
-use super::{GROUND, SPACINGS, axes_with_land, block, cell_edge, groups, plan_cell};
+use super::GROUND;
+use super::plan::{SPACINGS, axes_with_land, block, cell_edge, groups, pieces, plan_cell};
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::parallel::{Looks, Monitor, map_watched};
 use crate::voxels::cells::Cells;
 use crate::voxels::cells::index::CellIndex;
 use std::cmp::Reverse;
-use std::collections::{BTreeSet, BinaryHeap};
+use std::collections::BinaryHeap;
 
 /// Least edge of a cell in plan, metres; also [`SPACINGS`] point spacings.
 const CELL: f64 = 0.7;
@@ -178,12 +179,7 @@ impl Scene {
             let near = self.ground_around(cell).filter(|near| strip.binary_search(near).is_err());
             near.filter(move |&near| (self.heights[near] - self.heights[cell]).abs() <= step)
         };
-        let mut met: BTreeSet<usize> = strip.iter().flat_map(met).collect();
-        let mut piece = Vec::from_iter(met.pop_first());
-        while let Some(cell) = piece.pop() {
-            piece.extend(self.ground_around(cell).filter(|near| met.remove(near)));
-        }
-        !met.is_empty()
+        pieces(strip.iter().flat_map(met).collect(), |cell| self.ground_around(cell)).len() >= 2
     }
 
     /// Cells of ground around a cell, itself included.

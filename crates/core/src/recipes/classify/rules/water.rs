@@ -1,7 +1,8 @@
 //! Rivers, canals and lakes, which the trees take for ground: level, not above their shores, and with few returns at
 //! least in parts, because water reflects the pulses away.
 
-use super::{ACROSS, GROUND, axes_with_land, block, cell_edge, plan_cell, quantile};
+use super::GROUND;
+use super::plan::{ACROSS, axes_with_land, block, cell_edge, plan_cell, quantile};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::graph::UnionFind;

@@ -1,0 +1,82 @@
+//! Cells in plan, which the rules that look at surroundings share.
+
+use crate::cloud::Points;
+use crate::error::Result;
+use crate::graph::UnionFind;
+use crate::parallel::{Looks, Monitor};
+use crate::voxels::cells::cell_of;
+use std::collections::BTreeSet;
+
+/// Spacings of the points to a cell in plan, at least.
+pub(super) const SPACINGS: f64 = 1.5;
+
+/// Edge of cells in plan, metres: at least `least` and this many point spacings; `density` is in points per square metre.
+pub(super) fn cell_edge(least: f64, spacings: f64, density: f64) -> f64 {
+    least.max(spacings / density.max(1e-6).sqrt())
+}
+
+/// The cell in plan of a row, of cells with this edge.
+pub(in crate::recipes) fn plan_cell(points: &Points, row: u32, edge: f64) -> [i32; 2] {
+    let [x, y, _] = points.positions.xyz(row as usize);
+    cell_of([x, y].map(|v| f64::from(v) / edge))
+}
+
+/// The cells in plan at most `reach` cells away along each axis, the own one included.
+pub(super) fn block([x, y]: [i32; 2], reach: i32) -> impl Iterator<Item = [i32; 2]> {
+    (-reach..=reach).flat_map(move |dx| (-reach..=reach).map(move |dy| [x.saturating_add(dx), y.saturating_add(dy)]))
+}
+
+/// Four axes in plan.
+pub(super) const AXES: [[i32; 2]; 4] = [[1, 0], [0, 1], [1, 1], [1, -1]];
+/// Land is seen from a place this far away, at most, metres.
+pub(super) const ACROSS: f64 = 100.0;
+
+/// The number of [`AXES`] along which land lies on both sides of a place: at least two in water, but hardly one at the edge
+/// of a scan. `edge` is that of cells, metres.
+pub(super) fn axes_with_land([x, y]: [i32; 2], edge: f64, is_land: impl Fn([i32; 2]) -> bool) -> usize {
+    let seen = |[dx, dy]: [i32; 2]| {
+        let run = edge * f64::from(dx).hypot(f64::from(dy));
+        (1..=(ACROSS / run) as i32).any(|step| is_land([x.saturating_add(step * dx), y.saturating_add(step * dy)]))
+    };
+    AXES.into_iter().filter(|&[dx, dy]| seen([dx, dy]) && seen([-dx, -dy])).count()
+}
+
+/// Groups of cells, which ascend, as `near` joins them; those of a group ascend too.
+pub(super) fn groups<I: Iterator<Item = usize>>(
+    mut cells: Vec<usize>,
+    near: impl Fn(usize) -> I,
+    monitor: &Monitor,
+) -> Result<Vec<Vec<usize>>> {
+    let mut joined = UnionFind::new(cells.last().map_or(0, |last| last + 1));
+    let mut looks = Looks::at(monitor);
+    for &cell in &cells {
+        looks.step()?;
+        for near in near(cell) {
+            joined.unite(cell as u32, near as u32);
+        }
+    }
+    let roots = joined.roots(monitor)?;
+    cells.sort_by_key(|&cell| roots[cell]);
+    Ok(cells.chunk_by(|&a, &b| roots[a] == roots[b]).map(<[usize]>::to_vec).collect())
+}
+
+/// The numbers of cells of the pieces that cells form, as `near` joins them.
+pub(super) fn pieces<I: Iterator<Item = usize>>(mut cells: BTreeSet<usize>, near: impl Fn(usize) -> I) -> Vec<usize> {
+    let mut pieces = Vec::new();
+    while let Some(cell) = cells.pop_first() {
+        let mut open = vec![cell];
+        let mut size = 0;
+        while let Some(cell) = open.pop() {
+            size += 1;
+            open.extend(near(cell).filter(|near| cells.remove(near)));
+        }
+        pieces.push(size);
+    }
+    pieces
+}
+
+/// The value below which this share of the values lies: the nearest of them. Sorts them in part.
+pub(super) fn quantile(values: &mut [f64], share: f64) -> f64 {
+    let place = (share * (values.len() - 1) as f64).round() as usize;
+    *values.select_nth_unstable_by(place, f64::total_cmp).1
+}
