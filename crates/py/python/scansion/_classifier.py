@@ -150,6 +150,9 @@ class PointClassifier(Routed, Classifier):
         Its recipe is ``airborne``, which clones of it are fitted with too. Where the truth has low, medium and high vegetation
         (3, 4, 5), compare `predict` with ``evaluation.report(..., map_truth="3-4=5")``, or use `classify`.
 
+        Masts, and bridges, water and cars that are not found, have no class of their own and become vegetation, building or
+        ground. `classify` warns of places that may be decks of bridges, and of clouds that are unlike those of the training.
+
         Examples
         --------
         >>> from scansion import PointClassifier

@@ -3,6 +3,7 @@
 //! confidence and those that the surroundings contradict become unclassified.
 
 mod cars;
+mod crossings;
 mod decks;
 mod level;
 mod plan;
@@ -26,6 +27,7 @@ use crate::terrain::{HeightParams, heights_above};
 use crate::voxels::cells::Cells;
 use crate::voxels::rows::RowGrid;
 use cars::Named;
+use crossings::{Crossing, crossings};
 use level::LevelRows;
 pub(in crate::recipes) use plan::plan_cell;
 use raised::{Land, raised};
@@ -50,21 +52,33 @@ const THIN: f64 = 2.0;
 /// Places that a warning names, at most.
 const NAMED: usize = 10;
 
-/// Says where ground may be the deck of a bridge over water, the narrowest first.
-fn warning(found: &[Span], points: &Points, scene: &MetricCloud<'_>) -> Option<String> {
-    let place = |span: &Span| {
-        let [x, y, _] = scene.cloud.xyz(points.frame.index[span.row as usize] as usize);
-        format!("{x:.1} {y:.1} ({:.0} m wide)", span.width)
+/// Says where the decks of bridges may be.
+fn bridges(scan: &Scan<'_>, free: u8, scene: &MetricCloud<'_>, monitor: &Monitor) -> Result<Vec<String>> {
+    let Scan { points, codes, density, .. } = *scan;
+    let land = Land { points, codes, free, density };
+    let at = |row: u32| {
+        let [x, y, _] = scene.cloud.xyz(points.frame.index[row as usize] as usize);
+        format!("{x:.1} {y:.1}")
     };
-    let named: Vec<String> = found.iter().take(NAMED).map(place).collect();
-    let more = match found.len().saturating_sub(NAMED) {
+    let over_water =
+        spans(scan, monitor)?.into_iter().map(|Span { row, width }| format!("{} ({width:.0} m wide)", at(row)));
+    let place = |Crossing { row, width, fall }| format!("{} ({width:.0} m wide, {fall:.1} m high)", at(row));
+    let over_land: Vec<String> = crossings(&land, monitor)?.into_iter().map(place).collect();
+    let warnings = [
+        warning("ground between two places without points, as of water", &over_water.collect::<Vec<_>>()),
+        warning("a level way with lower ground on both sides", &over_land),
+    ];
+    Ok(warnings.into_iter().flatten().collect())
+}
+
+/// Names the first places.
+fn warning(what: &str, places: &[String]) -> Option<String> {
+    let more = match places.len().saturating_sub(NAMED) {
         0 => String::new(),
         more => format!(" and {more} more"),
     };
-    let places = named.join(", ");
-    (!found.is_empty()).then(|| {
-        format!("ground between two places without points, as of water: the deck of a bridge, or a dam: {places}{more}")
-    })
+    let named = places[..places.len().min(NAMED)].join(", ");
+    (!places.is_empty()).then(|| format!("{what}: the deck of a bridge, or a dam: {named}{more}"))
 }
 
 /// Rules for the final codes of a model with ASPRS classes.
@@ -216,8 +230,8 @@ impl ClassRules {
                 let wet = self.by_surroundings(result, classes, &points, monitor)?;
                 if self.finds_decks(classes) {
                     let scan = Scan { points: &points, codes: &result.codes, wet: &wet, density: result.density };
-                    let found = spans(&scan, monitor)?;
-                    result.warnings.extend(warning(&found, &points, scene));
+                    let found = bridges(&scan, classes.free_code(), scene, monitor)?;
+                    result.warnings.extend(found);
                 }
             }
         }
