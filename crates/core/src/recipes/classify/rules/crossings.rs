@@ -275,14 +275,23 @@ mod tests {
     use super::*;
     use crate::cloud::{Cloud, Points};
 
-    /// A place of a scan of ground: its height, and its class.
-    type Place = Option<(f64, u8)>;
+    /// A point of a scan.
+    struct Spot {
+        z: f64,
+        code: u8,
+    }
 
-    /// 80 x 80 m at 4 points a square metre.
-    fn found(place: impl Fn(f64, f64) -> Place) -> Vec<Crossing> {
+    /// 80 x 80 m at 4 points a square metre; none where there is no spot.
+    fn found(spot: impl Fn(f64, f64) -> Option<Spot>) -> Vec<Crossing> {
         let at = (0..25_600).map(|i| [f64::from(i % 160) / 2.0 + 0.2, f64::from(i / 160) / 2.0 + 0.2]);
-        let (rows, codes): (Vec<[f64; 3]>, Vec<u8>) =
-            at.filter_map(|[x, y]| place(x, y).map(|(z, code)| ([x, y, z], code))).unzip();
+        let mut rows: Vec<[f64; 3]> = Vec::new();
+        let mut codes = Vec::new();
+        for [x, y] in at {
+            if let Some(Spot { z, code }) = spot(x, y) {
+                rows.push([x, y, z]);
+                codes.push(code);
+            }
+        }
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
         let land = Land { points: &points, codes: &codes, free: 1, density: 4.0 };
         crossings(&land, &Monitor::default()).unwrap()
@@ -307,12 +316,12 @@ mod tests {
     const CUTTING: Ditch = Ditch { depth: 4.0, floor: 12.0, slope: 20.0 };
 
     /// A ditch with a deck of a width, turned, of a class.
-    fn bridged(ditch: &Ditch, width: f64, turn: f64, code: u8) -> impl Fn(f64, f64) -> Place + '_ {
+    fn bridged(ditch: &Ditch, width: f64, turn: f64, code: u8) -> impl Fn(f64, f64) -> Option<Spot> + '_ {
         move |x, y| match ((y - 40.0) - turn * (x - 40.0)).abs() < width / 2.0 * turn.hypot(1.0)
             && ditch.height(x) < 0.0
         {
-            true => Some((0.0, code)),
-            false => Some((ditch.height(x), GROUND)),
+            true => Some(Spot { z: 0.0, code }),
+            false => Some(Spot { z: ditch.height(x), code: GROUND }),
         }
     }
 
@@ -335,14 +344,14 @@ mod tests {
         let leaks = |x: f64, y: f64| {
             let near = (x - 40.0).abs() < 8.5 && (y - 40.0).abs() < 5.0;
             bridged(&CUTTING, 8.0, 0.0, BUILDING)(x, y)
-                .map(|(z, code)| (z, if near && z == 0.0 { BUILDING } else { code }))
+                .map(|Spot { z, code }| Spot { z, code: if near && z == 0.0 { BUILDING } else { code } })
         };
         assert_eq!(found(leaks).len(), 1);
     }
 
     #[test]
     fn slopes_of_earth_shallow_ditches_piers_and_roofs_are_none() {
-        let ground = |z: f64| Some((z, GROUND));
+        let ground = |z: f64| Some(Spot { z, code: GROUND });
         // A dam with sides of 1 : 2, higher than the rule needs.
         let dam = |x: f64, y: f64| ground(CUTTING.height(x).max(0.5 * (6.0 - (y - 40.0).abs())).min(0.0));
         assert!(found(dam).is_empty());
@@ -352,7 +361,7 @@ mod tests {
         let pier = |x: f64, y: f64| ground(if x < 41.0 && (y - 40.0).abs() < 3.0 { 0.0 } else { CUTTING.height(x) });
         assert!(found(pier).is_empty());
         let house = |x: f64, y: f64| match (x - 40.0).abs() < 6.0 && (y - 40.0).abs() < 4.0 {
-            true => Some((3.0, BUILDING)),
+            true => Some(Spot { z: 3.0, code: BUILDING }),
             false => ground(0.0),
         };
         assert!(found(house).is_empty());
