@@ -1,9 +1,11 @@
 """Module `recipes`: training on labelled clouds, and classification."""
 
+import copy
 import json
 import pickle
 import subprocess
 import sys
+import warnings
 
 import laspy
 import numpy as np
@@ -305,6 +307,33 @@ def test_the_built_in_model_is_there():
     assert default.classes_.tolist() == [2, 5, 6]
     codes = default.predict(street(1)[0])
     assert set(np.unique(codes)) <= {2, 5, 6}
+
+
+def test_the_built_in_model_says_what_it_has_no_class_for(fitted):
+    def told(act):
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            act()
+        assert {warning.filename for warning in warned} <= {__file__}, "warnings are told at the line of the caller"
+        texts = [str(warning.message) for warning in warned]
+        return [text for text in texts if "has no class for bridges, masts, water and cars" in text]
+
+    xyz, codes = street(1)
+    default = PointClassifier.default()
+    for model in (default, pickle.loads(pickle.dumps(default)), copy.deepcopy(default)):
+        (text,) = told(lambda model=model: model.classify(xyz))
+        assert "which become ground, building or vegetation; cars, water and decks of bridges that are found" in text
+        assert "`PointClassifier.fit` makes models with other classes" in text and "scansion train" not in text
+        (text,) = told(lambda model=model: model.predict(xyz))
+        assert "`classify` has rules that find some of them" in text and "are found become" not in text
+    (text,) = told(lambda: default.classify(xyz, settings={"classes.water.named": True}))
+    assert "; cars and decks of bridges that are found become unclassified" in text
+    assert not told(lambda: fitted.classify(xyz)) and not told(lambda: fitted.predict(xyz))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", "the built-in model has no class|.*beyond all of those in training")
+        default.predict(xyz)
+    assert not told(lambda: default.fit(xyz, codes).predict(xyz))
 
 
 def test_pictures_have_the_asked_size(labelled, tmp_path):

@@ -760,6 +760,31 @@ fn names_stand_for_codes_units_and_the_built_in_model() {
 }
 
 #[test]
+fn the_built_in_model_says_what_it_has_no_class_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    io::write(&f.join("a.laz"), &street(12.0, 1), &WriteOptions::default()).unwrap();
+    done(f, &train(&["a.laz", "-o", "m.model"]));
+    let told = |rest: &[&str]| PROGRAM.ends(f, &[&["classify", "a.laz", "-o", "b.laz", "--force"], rest].concat(), 0).1;
+    let limits = "the built-in model has no class for bridges, masts, water and cars, which become ground, building or \
+                  vegetation; ";
+    let found = |what: &str| format!("{limits}{what} that are found become unclassified; ");
+    for same in [&[][..], &["-m", "built-in"]] {
+        let err = told(same);
+        assert!(err.contains(&found("cars, water and decks of bridges")), "{err}");
+        assert!(err.contains("; `scansion train` makes models with other classes"), "{err}");
+    }
+    let mut off = vec!["--set", "classes.water.named=true"];
+    assert!(told(&off).contains(&found("cars and decks of bridges")));
+    off.extend(["--set", "classes.cars.points=0"]);
+    assert!(told(&off).contains(&found("decks of bridges")));
+    off.extend(["--set", "classes.decks.length=0"]);
+    assert!(told(&off).contains(&format!("{limits}the rules that find some of them are not applied; ")));
+    assert!(!told(&["-m", "m.model"]).contains("no class for bridges"));
+    assert!(!told(&["--quiet"]).contains("no class for bridges"));
+}
+
+#[test]
 fn classes_written_alone_or_over_a_dimension_are_told() {
     let folder = tempfile::tempdir().unwrap();
     let f = folder.path();

@@ -214,13 +214,16 @@ impl Model {
     }
 
     #[staticmethod]
-    fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
-        Self::of(py.detach(|| CoreModel::from_bytes(data, Path::new("pickled model"))))
+    #[pyo3(signature = (data, builtin = false))]
+    fn from_bytes(py: Python<'_>, data: &[u8], builtin: bool) -> PyResult<Self> {
+        let model = Self::of(py.detach(|| CoreModel::from_bytes(data, Path::new("pickled model"))));
+        model.map(|model| Self { builtin, ..model })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
-        let bytes = slf.get().inner.to_bytes().map_err(raise)?;
-        Ok((slf.getattr("from_bytes")?, (PyBytes::new(slf.py(), &bytes),)))
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>, bool))> {
+        let model = slf.get();
+        let bytes = model.inner.to_bytes().map_err(raise)?;
+        Ok((slf.getattr("from_bytes")?, (PyBytes::new(slf.py(), &bytes), model.builtin)))
     }
 
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
@@ -249,6 +252,7 @@ impl Model {
         let own = if divided { model.fitted.rules() } else { ClassRules::default() };
         let rules = ClassRules { abstain: abstain.unwrap_or(own.abstain), ..own };
         rules.validate().map_err(raise)?;
+        let limits = recipes::builtin_limits(&rules);
         let found = call(py, n_jobs, |monitor| {
             let elevation = elevation_of(elevation_model.as_deref(), monitor)?;
             let params = ClassifyParams {
@@ -262,7 +266,8 @@ impl Model {
             recipes::classify(&cloud, model, &params, monitor)
         })?;
         let misfit = self.builtin.then(|| recipes::builtin_misfit(&found)).flatten();
-        let warnings = found.warnings.iter().chain(&misfit).map(|text| in_python(text)).collect();
+        let limits = self.builtin.then_some(limits);
+        let warnings = found.warnings.iter().chain(&misfit).chain(&limits).map(|text| in_python(text)).collect();
         let classes = self.inner.trained.classes.len();
         let probabilities = found.probabilities.map(|p| to_matrix(py, p, classes)).transpose()?;
         Ok((

@@ -1,7 +1,7 @@
 //! Messages of the core, which names options of the command line, in the words of Python.
 
 /// What the core says, and what Python says instead.
-const WORDS: [(&str, &str); 8] = [
+const WORDS: [(&str, &str); 10] = [
     ("others need a --map, e.g. ", "others need a class_map, e.g. "),
     ("(--unit METRES, or metres_per_unit in Python)", "(metres_per_unit)"),
     ("use --unit 0.3048", "use metres_per_unit=0.3048"),
@@ -9,6 +9,8 @@ const WORDS: [(&str, &str); 8] = [
     ("(--unit)", "(metres_per_unit)"),
     ("(--columns names them)", "(text_columns names them)"),
     ("(convert --bounds)", "(bounds of scansion.read)"),
+    ("the rules that find some of them are not applied", "`classify` has rules that find some of them"),
+    ("`scansion train` makes models with other classes", "`PointClassifier.fit` makes models with other classes"),
     ("(features --list has all)", "(scansion.features.definitions() has all)"),
 ];
 

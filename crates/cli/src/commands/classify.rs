@@ -16,11 +16,6 @@ use std::time::Instant;
 /// Mean confidence below which a model is doubted.
 const DOUBTFUL: f64 = 0.55;
 
-/// What the built-in model has no class for.
-const LIMITS: &str = "built-in model: masts, some bridges, some water and some cars have no class of their own and become \
-                      vegetation, building or ground; cars, water and decks that are found become unclassified; \
-                      `scansion train` makes models with other classes";
-
 pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure> {
     let mut model = sources::model(args.model.as_deref())?;
     model.trained.classes = model.trained.classes.renamed(&context.naming.class_names);
@@ -66,7 +61,7 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
     }
     keep.tell(context);
     if builtin(args) && failed < pairs.len() {
-        context.printer.note(LIMITS);
+        context.printer.note(&recipes::builtin_limits(&rules(&model, args)?));
     }
     if failed > 0 { Err(Failure::Partly { failed, inputs: pairs.len() }) } else { Ok(()) }
 }

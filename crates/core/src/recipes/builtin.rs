@@ -1,6 +1,7 @@
 //! The built-in model: ground, vegetation and building in airborne scans.
 
 use super::classify::Classified;
+use super::classify::rules::ClassRules;
 use super::model::Model;
 use crate::error::Result;
 use std::path::Path;
@@ -30,6 +31,25 @@ pub fn builtin_misfit(result: &Classified) -> Option<String> {
     })
 }
 
+/// What the built-in model has no class for, and what becomes of it with these rules.
+pub fn builtin_limits(rules: &ClassRules) -> String {
+    let searches = [
+        (rules.cars.points > 0, "cars"),
+        (rules.water.area > 0.0 && !rules.water.named, "water"),
+        (rules.decks.length > 0.0, "decks of bridges"),
+    ];
+    let found: Vec<&str> = searches.into_iter().filter(|(on, _)| *on).map(|(_, name)| name).collect();
+    let found = match found.as_slice() {
+        [] => "the rules that find some of them are not applied".into(),
+        [one] => format!("{one} that are found become unclassified"),
+        [first @ .., last] => format!("{} and {last} that are found become unclassified", first.join(", ")),
+    };
+    format!(
+        "the built-in model has no class for bridges, masts, water and cars, which become ground, building or vegetation; \
+         {found}; `scansion train` makes models with other classes"
+    )
+}
+
 const BYTES: &[u8] = include_bytes!("../../assets/default.model");
 
 const CONTOURS: &[u8] = include_bytes!("../../assets/contours.model");
@@ -43,7 +63,7 @@ pub fn default_contour_model() -> Result<Model> {
 }
 
 /// The built-in model for airborne scans (ASPRS codes 2 ground, 5 vegetation, 6 building; the rules of its recipe divide
-/// vegetation into 3, 4 and 5 by its height, and find noise).
+/// vegetation into 3, 4 and 5 by its height, and find noise). [`builtin_limits`] says what it has no class for.
 ///
 /// It was trained by `scripts/default-model` on the clouds listed there; `docs/default-model.md` reports its accuracy
 /// on scenes not used for training.

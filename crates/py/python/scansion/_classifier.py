@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import warnings
@@ -9,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from scansion import _core
 from scansion._arrays import column
@@ -150,8 +151,10 @@ class PointClassifier(Routed, Classifier):
         Its recipe is ``airborne``, which clones of it are fitted with too. Where the truth has low, medium and high vegetation
         (3, 4, 5), compare `predict` with ``evaluation.report(..., map_truth="3-4=5")``, or use `classify`.
 
-        Masts, and bridges, water and cars that are not found, have no class of their own and become vegetation, building or
-        ground. `classify` warns of places that may be decks of bridges, and of clouds that are unlike those of the training.
+        It has no class for bridges, masts, water and cars, which become ground, building or vegetation; a `UserWarning` of
+        `classify` and `predict` says so (``warnings.filterwarnings("ignore", "the built-in model has no class")`` hides it).
+        `classify` leaves the cars, water and decks of bridges that it finds unclassified, and warns of places that may be decks
+        of bridges. Both warn of clouds that are unlike those of the training.
 
         Examples
         --------
@@ -379,12 +382,15 @@ class PointClassifier(Routed, Classifier):
                 self.n_jobs,
             )
         for note in found[4]:
-            warnings.warn(note, stacklevel=2)
+            _warn_caller(note)
         return Classified(*found[:4])
 
     def predict(self, cloud: Any, *, regularize: str | None = None, progress: Progress = None) -> NDArray[Any]:
         """The class of every point, in the cloud's order: its code, or its text if ``fit`` was given text ("" where
         coordinates are not finite).
+
+        The rules of the recipe are not applied: of the built-in model, bridges are ground or building, whether `classify` finds
+        them or not, and no warning names their places.
 
         Parameters
         ----------
@@ -579,6 +585,14 @@ def _labelled(cloud: Any, labels: Any, reading: Reading) -> PointCloud:
     if LABELS in points:
         signed(points[LABELS], "labels", None, (), reading.class_map)  # Its errors are in words of Python.
     return points
+
+
+def _warn_caller(text: str) -> None:
+    """Warns at the line outside this package from which the call came."""
+    frame, level = inspect.currentframe(), 0
+    while frame is not None and frame.f_globals.get("__package__") == __package__:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(text, stacklevel=level + 1)
 
 
 def _warn_of_unlabelled(points: PointCloud, labels: Any, class_map: str) -> None:

@@ -15,7 +15,7 @@ use std::ops::RangeInclusive;
 
 /// Least edge of a cell, metres; also [`SPACINGS`] point spacings.
 const CELL: f64 = 1.0;
-/// Greatest distance from drop to drop, metres.
+/// Greatest width of a way from drop to drop, to one cell, metres.
 const WIDTH: f64 = 20.0;
 /// Least drop, metres.
 const DROP: f64 = 0.7;
