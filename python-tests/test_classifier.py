@@ -309,7 +309,7 @@ def test_the_built_in_model_is_there():
     assert set(np.unique(codes)) <= {2, 5, 6}
 
 
-def test_the_built_in_model_says_what_it_has_no_class_for(fitted):
+def test_the_built_in_model_says_what_it_has_no_class_for(fitted, tmp_path):
     def told(act):
         with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
@@ -320,14 +320,17 @@ def test_the_built_in_model_says_what_it_has_no_class_for(fitted):
 
     xyz, codes = street(1)
     default = PointClassifier.default()
-    for model in (default, pickle.loads(pickle.dumps(default)), copy.deepcopy(default)):
+    default.save(tmp_path / "copy.model")
+    loaded = PointClassifier.load(tmp_path / "copy.model")
+    for model in (default, pickle.loads(pickle.dumps(default)), copy.deepcopy(default), loaded):
         (text,) = told(lambda model=model: model.classify(xyz))
         assert "which become ground, building or vegetation; cars, water and decks of bridges that are found" in text
         assert "`PointClassifier.fit` makes models with other classes" in text and "scansion train" not in text
-        (text,) = told(lambda model=model: model.predict(xyz))
-        assert "`classify` has rules that find some of them" in text and "are found become" not in text
+        for plain in (model.predict, model.predict_proba):
+            (text,) = told(lambda plain=plain: plain(xyz))
+            assert "`classify` finds some of them and names places" in text and "are found become" not in text
     (text,) = told(lambda: default.classify(xyz, settings={"classes.water.named": True}))
-    assert "; cars and decks of bridges that are found become unclassified" in text
+    assert "; cars and decks of bridges that are found become unclassified, water that is found becomes water (9)" in text
     assert not told(lambda: fitted.classify(xyz)) and not told(lambda: fitted.predict(xyz))
     with warnings.catch_warnings():
         warnings.simplefilter("error")

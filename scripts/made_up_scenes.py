@@ -84,8 +84,9 @@ def main():
         with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
             result = model.classify(cloud, abstain=0.0)
+        told = [w for w in warned if "has no class for" not in str(w.message)]  # That is said of every cloud.
         shares = [100 * np.isin(result.codes, group).mean() for group in ((2,), (3, 4, 5), (6,), (1,))]
-        print(f"| {name} | " + " | ".join(f"{share:.1f}" for share in shares) + f" | {'yes' if warned else 'no'} |", flush=True)
+        print(f"| {name} | " + " | ".join(f"{share:.1f}" for share in shares) + f" | {'yes' if told else 'no'} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@
 use scansion_core::cloud::{Cloud, Column, Values};
 use scansion_core::io::run::{Replace, Rules, run};
 use scansion_core::io::{self, Edit, WriteOptions};
+use scansion_core::recipes;
 use scansion_tests::street;
 use std::io::Write;
 use std::os::unix::fs::symlink;
@@ -759,6 +760,31 @@ fn names_stand_for_codes_units_and_the_built_in_model() {
     assert!(fails(f, &["classify", "a.laz", "-m", "b.laz", "-o", "f.laz"], 4).contains("not a model"));
 }
 
+/// Points on level ground along a road of 100 m: even, or fewer and fewer away from it, as from a scanner on the road.
+fn road(even: bool) -> Cloud {
+    let place = |i: u32, step: f64| (f64::from(i) * step).fract();
+    let point = |i: u32| {
+        let side = if i % 2 == 0 { 1.0 } else { -1.0 };
+        let away =
+            if even { 60.0 * place(i, 0.569_840_291) } else { -15.0 * (1.0 - 0.98 * place(i, 0.569_840_291)).ln() };
+        [side * away, 100.0 * place(i, 0.754_877_666), 0.02 * place(i, 0.618_033_989)]
+    };
+    Cloud::from_rows(&(0..60_000).map(point).collect::<Vec<_>>()).unwrap()
+}
+
+#[test]
+fn the_built_in_model_refuses_scans_from_the_ground() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    io::write(&f.join("even.laz"), &road(true), &WriteOptions::default()).unwrap();
+    io::write(&f.join("ground.laz"), &road(false), &WriteOptions::default()).unwrap();
+    done(f, &["classify", "even.laz", "-o", "a.laz"]);
+    let text = fails(f, &["classify", "ground.laz", "-o", "b.laz"], 4);
+    assert!(text.contains("as around a scanner on the ground") && text.contains("--force"), "{text}");
+    assert!(!f.join("b.laz").exists());
+    done(f, &["classify", "ground.laz", "-o", "b.laz", "--force"]);
+}
+
 #[test]
 fn the_built_in_model_says_what_it_has_no_class_for() {
     let folder = tempfile::tempdir().unwrap();
@@ -768,18 +794,25 @@ fn the_built_in_model_says_what_it_has_no_class_for() {
     let told = |rest: &[&str]| PROGRAM.ends(f, &[&["classify", "a.laz", "-o", "b.laz", "--force"], rest].concat(), 0).1;
     let limits = "the built-in model has no class for bridges, masts, water and cars, which become ground, building or \
                   vegetation; ";
-    let found = |what: &str| format!("{limits}{what} that are found become unclassified; ");
-    for same in [&[][..], &["-m", "built-in"]] {
-        let err = told(same);
-        assert!(err.contains(&found("cars, water and decks of bridges")), "{err}");
-        assert!(err.contains("; `scansion train` makes models with other classes"), "{err}");
+    let says = |rest: &[&str], found: &str| {
+        let err = told(rest);
+        let text = format!("{limits}{found}; `scansion train` makes models with other classes");
+        assert_eq!(err.matches(&text).count(), 1, "{rest:?}: {err}");
+    };
+    let all = "cars, water and decks of bridges that are found become unclassified";
+    recipes::default_model().unwrap().save(&f.join("copy.model")).unwrap();
+    for same in [&[][..], &["-m", "built-in"], &["-m", "copy.model"]] {
+        says(same, all);
     }
     let mut off = vec!["--set", "classes.water.named=true"];
-    assert!(told(&off).contains(&found("cars and decks of bridges")));
+    says(&off, "cars and decks of bridges that are found become unclassified, water that is found becomes water (9)");
+    off.extend(["--set", "classes.decks.length=0", "--set", "classes.water.area=0"]);
+    says(&off, "cars that are found become unclassified, not looked for: water and decks of bridges");
     off.extend(["--set", "classes.cars.points=0"]);
-    assert!(told(&off).contains(&found("decks of bridges")));
-    off.extend(["--set", "classes.decks.length=0"]);
-    assert!(told(&off).contains(&format!("{limits}the rules that find some of them are not applied; ")));
+    says(&off, "not looked for: cars, water and decks of bridges");
+    assert!(PROGRAM.ends(f, &["evaluate", "a.laz", "-m", "copy.model"], 0).1.contains(&format!("{limits}{all}")));
+    let skipped = text(&scansion(f, &["classify", "a.laz", "-o", "b.laz", "--skip-existing"]).stderr);
+    assert!(skipped.contains("it exists and is skipped") && !skipped.contains("no class for bridges"), "{skipped}");
     assert!(!told(&["-m", "m.model"]).contains("no class for bridges"));
     assert!(!told(&["--quiet"]).contains("no class for bridges"));
 }

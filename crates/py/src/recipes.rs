@@ -200,30 +200,27 @@ impl Model {
             Ok((model, json::text(&report)?))
         };
         let (inner, report) = call(py, n_jobs, learn)?;
-        Ok((Self { inner, builtin: self.builtin }, report))
+        Ok((Self::new(inner), report))
     }
 
     #[staticmethod]
     fn default(py: Python<'_>) -> PyResult<Self> {
-        Self::of(py.detach(recipes::default_model)).map(|model| Self { builtin: true, ..model })
+        py.detach(|| recipes::default_model().map(Self::new)).map_err(raise)
     }
 
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        call(py, Some(1), |_| CoreModel::load(&path)).map(|inner| Self { inner, builtin: false })
+        call(py, Some(1), |_| CoreModel::load(&path)).map(Self::new)
     }
 
     #[staticmethod]
-    #[pyo3(signature = (data, builtin = false))]
-    fn from_bytes(py: Python<'_>, data: &[u8], builtin: bool) -> PyResult<Self> {
-        let model = Self::of(py.detach(|| CoreModel::from_bytes(data, Path::new("pickled model"))));
-        model.map(|model| Self { builtin, ..model })
+    fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
+        py.detach(|| CoreModel::from_bytes(data, Path::new("pickled model")).map(Self::new)).map_err(raise)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>, bool))> {
-        let model = slf.get();
-        let bytes = model.inner.to_bytes().map_err(raise)?;
-        Ok((slf.getattr("from_bytes")?, (PyBytes::new(slf.py(), &bytes), model.builtin)))
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        let bytes = slf.get().inner.to_bytes().map_err(raise)?;
+        Ok((slf.getattr("from_bytes")?, (PyBytes::new(slf.py(), &bytes),)))
     }
 
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
@@ -302,8 +299,9 @@ impl Model {
 }
 
 impl Model {
-    fn of(model: scansion_core::Result<CoreModel>) -> PyResult<Self> {
-        model.map(|inner| Self { inner, builtin: false }).map_err(raise)
+    fn new(inner: CoreModel) -> Self {
+        let builtin = recipes::is_builtin(&inner);
+        Self { inner, builtin }
     }
 
     /// The model with other settings; `None` if there are none.

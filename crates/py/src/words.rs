@@ -9,7 +9,10 @@ const WORDS: [(&str, &str); 10] = [
     ("(--unit)", "(metres_per_unit)"),
     ("(--columns names them)", "(text_columns names them)"),
     ("(convert --bounds)", "(bounds of scansion.read)"),
-    ("the rules that find some of them are not applied", "`classify` has rules that find some of them"),
+    (
+        "not looked for: cars, water and decks of bridges",
+        "`classify` finds some of them and names places that may be decks of bridges",
+    ),
     ("`scansion train` makes models with other classes", "`PointClassifier.fit` makes models with other classes"),
     ("(features --list has all)", "(scansion.features.definitions() has all)"),
 ];

@@ -25,6 +25,7 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
     let map: LabelMap = args.map.join(",").parse()?;
     let pairs = sources::outputs(&sources::expanded(&args.inputs)?, &args.output)?;
     tell_unused(&model, &map, args, context)?;
+    let builtin = recipes::is_builtin(&model);
     let (mut failed, mut first) = (0, true);
     let mut keep = Kept { read: false, absent: args.keep.clone() };
     let skipped = |output: &Path| args.skip_existing && output.exists();
@@ -41,7 +42,7 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
                 Ok(())
             }
             true => {
-                let job = Job { input, output, model: &model, map: &map };
+                let job = Job { input, output, model: &model, map: &map, builtin };
                 let summary = one(&job, &mut keep, args, context)?;
                 let data = summary.data(context.printer.format, std::mem::replace(&mut first, false));
                 data.map_or(Ok(()), |text| context.printer.data(&text))
@@ -60,7 +61,7 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
         }
     }
     keep.tell(context);
-    if builtin(args) && failed < pairs.len() {
+    if builtin && keep.read && failed < pairs.len() {
         context.printer.note(&recipes::builtin_limits(&rules(&model, args)?));
     }
     if failed > 0 { Err(Failure::Partly { failed, inputs: pairs.len() }) } else { Ok(()) }
@@ -72,11 +73,6 @@ fn check_output(output: &Path, args: &Classify) -> Result<(), Error> {
     let Some(name) = &args.to else { return Ok(()) };
     io::check_dimension_name(output, name)?;
     io::check_holds(output, &format!("the dimension {name}"))
-}
-
-/// Whether the built-in model is used.
-fn builtin(args: &Classify) -> bool {
-    args.model.as_deref().is_none_or(sources::is_builtin)
 }
 
 /// Warns of entries of `--map` for classes that the model does not give.
@@ -127,10 +123,12 @@ struct Job<'a> {
     output: &'a Path,
     model: &'a Model,
     map: &'a LabelMap,
+    /// Whether the model is the built-in one.
+    builtin: bool,
 }
 
 fn one(job: &Job<'_>, keep: &mut Kept, args: &Classify, context: &Context<'_>) -> Result<Summary, Failure> {
-    let &Job { input, output, model, map } = job;
+    let &Job { input, output, model, map, builtin } = job;
     let start = Instant::now();
     if !args.salvage {
         io::check_dimensions(input, output, &dimensions(model, args))?;
@@ -158,7 +156,7 @@ fn one(job: &Job<'_>, keep: &mut Kept, args: &Classify, context: &Context<'_>) -
     keep.look(&cloud);
     let result = recipes::classify(&cloud, model, &params, &context.monitor)?;
     result.warnings.iter().for_each(|w| context.printer.warning(&format!("{}: {w}", input.display())));
-    if builtin(args)
+    if builtin
         && !args.force
         && let Some(why) = recipes::builtin_misfit(&result)
     {
@@ -168,7 +166,7 @@ fn one(job: &Job<'_>, keep: &mut Kept, args: &Classify, context: &Context<'_>) -
         ))
         .into());
     }
-    if let Some(mean) = result.mean_confidence().filter(|&mean| !builtin(args) && mean < DOUBTFUL) {
+    if let Some(mean) = result.mean_confidence().filter(|&mean| !builtin && mean < DOUBTFUL) {
         let name = input.display();
         let text = format!("{name}: the mean confidence is {mean:.2}: the model may not have learned such clouds");
         context.printer.warning(&text);
@@ -216,7 +214,7 @@ fn given(model: &Model, args: &Classify, context: &Context<'_>) -> Result<ClassT
 /// What made the classes, as JSON: program, model and its checksum, recipe, regularisation.
 fn provenance(model: &Model, args: &Classify) -> Result<String, Failure> {
     let own = model.fitted.regularise().method;
-    let file = args.model.as_deref().filter(|_| !builtin(args)).and_then(Path::file_name);
+    let file = args.model.as_deref().filter(|path| !sources::is_builtin(path)).and_then(Path::file_name);
     let text = serde_json::json!({
         "program": concat!("scansion ", env!("CARGO_PKG_VERSION")),
         "model": file.map_or("built-in".into(), |name| name.to_string_lossy()),

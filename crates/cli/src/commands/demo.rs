@@ -25,6 +25,7 @@ pub(crate) fn run(args: &Demo, context: &Context<'_>) -> Result<(), Failure> {
     let truth = read_labels(&cloud, &params)?.codes;
     let model = sources::model(None)?;
     let result = recipes::classify(&cloud, &model, &ClassifyParams::default(), &context.monitor)?;
+    result.warnings.iter().for_each(|w| context.printer.warning(w));
     let map: LabelMap = recipes::BUILTIN_MAP.parse()?;
     let found: Vec<u8> = result.codes.iter().map(|&code| map.apply(code)).collect();
     let confusion = Confusion::from_options(&truth, &found)?;
@@ -45,7 +46,9 @@ pub(crate) fn run(args: &Demo, context: &Context<'_>) -> Result<(), Failure> {
     }
     atomic::write_bytes(&folder.join("scores.json"), report::to_json(&confusion)?.as_bytes())?;
     context.printer.data(&report::to_table(&confusion))?;
-    context.printer.data(&next(folder))
+    context.printer.data(&next(folder))?;
+    context.printer.note(&recipes::builtin_limits(&model.fitted.rules()));
+    Ok(())
 }
 
 fn next(folder: &std::path::Path) -> String {

@@ -183,6 +183,10 @@ fn predicted(args: &Evaluate, cloud: &Cloud, context: &Context<'_>) -> Result<Ve
         let params = ClassifyParams { metres_per_unit: context.unit, ..ClassifyParams::default() };
         let result = recipes::classify(cloud, &model, &params, &context.monitor)?;
         result.warnings.iter().for_each(|w| context.printer.warning(w));
+        if recipes::is_builtin(&model) {
+            recipes::builtin_misfit(&result).iter().for_each(|w| context.printer.warning(w));
+            context.printer.note(&recipes::builtin_limits(&model.fitted.rules()));
+        }
         return Ok(result.codes.into_iter().map(Some).collect());
     }
     let default = if args.prediction.is_some() { names::CLASSIFICATION } else { "PredictedClassification" };

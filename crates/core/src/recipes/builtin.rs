@@ -12,7 +12,11 @@ pub const BUILTIN_MAP: &str = "3-4=5";
 /// More points per square metre than any airborne or UAV scan has.
 const DENSEST: f64 = 2000.0;
 
-/// Mean confidence below which the built-in model does not know a cloud. Airborne scans have 0.8 to 0.98.
+/// [`Classified::density_spread`] of scans from the ground: those of streets have 1.8 and more, airborne scans up to 1.3.
+const UNEVEN: f64 = 1.5;
+
+/// Mean confidence below which the built-in model does not know a cloud. Airborne scans have 0.8 to 0.98, those of slopes above
+/// 20 degrees less.
 const LEAST_CONFIDENCE: f64 = 0.7;
 
 /// Why the result of the built-in model should not be used: the cloud is not like an airborne scan. `None` if it may be.
@@ -22,7 +26,10 @@ pub fn builtin_misfit(result: &Classified) -> Option<String> {
     let dense = (result.density > DENSEST).then(|| {
         format!("there are {:.0} points per square metre (airborne and UAV scans: up to {DENSEST})", result.density)
     });
-    let reasons: Vec<String> = [confidence, dense].into_iter().flatten().collect();
+    let uneven = (result.density_spread > UNEVEN).then(|| {
+        "the density falls off everywhere, as around a scanner on the ground (airborne and UAV scans are even)".into()
+    });
+    let reasons: Vec<String> = [confidence, dense, uneven].into_iter().flatten().collect();
     (!reasons.is_empty()).then(|| {
         format!(
             "the built-in model is for airborne and UAV scans and does not know this cloud: {}",
@@ -31,23 +38,44 @@ pub fn builtin_misfit(result: &Classified) -> Option<String> {
     })
 }
 
+/// Whether this is the built-in model, perhaps saved under another name, with other names of its classes, or with cars learned
+/// anew.
+pub fn is_builtin(model: &Model) -> bool {
+    default_model().is_ok_and(|own| own.trained.classifier == model.trained.classifier)
+}
+
 /// What the built-in model has no class for, and what becomes of it with these rules.
 pub fn builtin_limits(rules: &ClassRules) -> String {
     let searches = [
         (rules.cars.points > 0, "cars"),
-        (rules.water.area > 0.0 && !rules.water.named, "water"),
+        (rules.water.area > 0.0, "water"),
         (rules.decks.length > 0.0, "decks of bridges"),
     ];
-    let found: Vec<&str> = searches.into_iter().filter(|(on, _)| *on).map(|(_, name)| name).collect();
-    let found = match found.as_slice() {
-        [] => "the rules that find some of them are not applied".into(),
-        [one] => format!("{one} that are found become unclassified"),
-        [first @ .., last] => format!("{} and {last} that are found become unclassified", first.join(", ")),
+    let named = |name: &str| name == "water" && rules.water.named;
+    let those = |wanted: &dyn Fn(bool, &str) -> bool| -> Vec<&str> {
+        searches.into_iter().filter(|&(on, name)| wanted(on, name)).map(|(_, name)| name).collect()
     };
+    let unclassified = listed(&those(&|on, name| on && !named(name)));
+    let parts = [
+        unclassified.map(|names| format!("{names} that are found become unclassified")),
+        (!those(&|on, name| on && named(name)).is_empty()).then(|| "water that is found becomes water (9)".into()),
+        listed(&those(&|on, _| !on)).map(|names| format!("not looked for: {names}")),
+    ];
+    let found: Vec<String> = parts.into_iter().flatten().collect();
     format!(
         "the built-in model has no class for bridges, masts, water and cars, which become ground, building or vegetation; \
-         {found}; `scansion train` makes models with other classes"
+         {}; `scansion train` makes models with other classes",
+        found.join(", ")
     )
+}
+
+/// Words with commas and "and" between them; `None` if there is none.
+fn listed(words: &[&str]) -> Option<String> {
+    match words {
+        [] => None,
+        [one] => Some((*one).into()),
+        [first @ .., last] => Some(format!("{} and {last}", first.join(", "))),
+    }
 }
 
 const BYTES: &[u8] = include_bytes!("../../assets/default.model");

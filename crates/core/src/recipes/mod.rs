@@ -24,7 +24,7 @@ mod weak;
 mod windows;
 
 pub use auto_context::{AutoContextKind, AutoContextRecipe, AutoContextReport, CarReport, CarTraining, FoldParams};
-pub use builtin::{BUILTIN_MAP, builtin_limits, builtin_misfit, default_contour_model, default_model};
+pub use builtin::{BUILTIN_MAP, builtin_limits, builtin_misfit, default_contour_model, default_model, is_builtin};
 pub use classify::rules::{CarParams, ClassRules, DeckParams, LevelParams, WaterParams, WireParams};
 pub use classify::statistics::CloudStatistics;
 pub use classify::{Classified, ClassifyParams, FeatureFit, Job};

@@ -28,5 +28,5 @@ pub use columns::{ColumnSearch, Columns};
 pub use grid::{Grid, sorted};
 pub use level::{Level, LevelLimits, build_levels, coarse_levels};
 pub use search::{Neighbour, Search};
-pub(crate) use squares::covered_area;
 pub use squares::planar_density;
+pub(crate) use squares::{PlanarDensity, covered_area};

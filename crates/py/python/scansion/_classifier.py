@@ -152,9 +152,9 @@ class PointClassifier(Routed, Classifier):
         (3, 4, 5), compare `predict` with ``evaluation.report(..., map_truth="3-4=5")``, or use `classify`.
 
         It has no class for bridges, masts, water and cars, which become ground, building or vegetation; a `UserWarning` of
-        `classify` and `predict` says so (``warnings.filterwarnings("ignore", "the built-in model has no class")`` hides it).
+        all methods that classify says so (``warnings.filterwarnings("ignore", "the built-in model has no class")`` hides it).
         `classify` leaves the cars, water and decks of bridges that it finds unclassified, and warns of places that may be decks
-        of bridges. Both warn of clouds that are unlike those of the training.
+        of bridges. Clouds that are unlike those of the training are warned of, too.
 
         Examples
         --------
@@ -389,8 +389,8 @@ class PointClassifier(Routed, Classifier):
         """The class of every point, in the cloud's order: its code, or its text if ``fit`` was given text ("" where
         coordinates are not finite).
 
-        The rules of the recipe are not applied: of the built-in model, bridges are ground or building, whether `classify` finds
-        them or not, and no warning names their places.
+        The rules of the recipe are not applied: the built-in model names bridges ground, building or vegetation, whether
+        `classify` finds them or not, and no warning names their places.
 
         Parameters
         ----------
@@ -421,7 +421,7 @@ class PointClassifier(Routed, Classifier):
         regularize, progress
             As in `classify`.
         """
-        found = self.classify(cloud, probabilities=True, regularize=regularize, progress=progress).probabilities
+        found = self.classify(cloud, probabilities=True, divided=False, regularize=regularize, progress=progress).probabilities
         assert found is not None
         return found
 

@@ -11,7 +11,7 @@ use crate::recipes::regularise::{Probabilities, Regularise, regularise};
 use crate::recipes::system::System;
 use crate::recipes::trained::Trained;
 use crate::terrain::filtered_heights;
-use crate::voxels::planar_density;
+use crate::voxels::PlanarDensity;
 
 /// Height of each point of the cloud above the ground; NaN for stray points.
 pub(super) fn heights(
@@ -32,7 +32,7 @@ pub(super) fn classify(recipe: &AutoContextRecipe, job: &Job<'_>, monitor: &Moni
     let model = job.model;
     let points = job.scene.points(monitor)?;
     let heights = heights(job.scene, &points, recipe, monitor)?;
-    let density = planar_density(&points.positions, monitor)?;
+    let density = PlanarDensity::new(&points.positions, monitor)?;
     drop(points);
     let scene = MetricCloud { heights: Some(&heights), ..job.scene.clone() };
     let (first, rated) = first_stage(recipe, model, &scene, monitor)?;
@@ -49,8 +49,8 @@ pub(super) fn classify(recipe: &AutoContextRecipe, job: &Job<'_>, monitor: &Moni
             group.place_cars(&mut cars, |point| point as usize);
         };
         let own = second.run(place, monitor)?;
-        result.density = density;
-        result.warnings = job.warnings(density, monitor)?;
+        result.take_density(density);
+        result.warnings = job.warnings(result.density, monitor)?;
         return Ok(Classified { cars, ..result }.compared(fit.or(own.shares())));
     }
     let points = job.scene.points(monitor)?;

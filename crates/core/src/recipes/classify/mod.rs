@@ -14,7 +14,7 @@ use crate::recipes::classify::statistics::CloudStatistics;
 use crate::recipes::regularise::{Regularise, RegulariseParams, Regularised};
 use crate::recipes::trained::Trained;
 use crate::terrain::ElevationModel;
-use crate::voxels::planar_density;
+use crate::voxels::PlanarDensity;
 
 /// Factor between the densities of cloud and training data that causes a warning.
 const OTHER: f64 = 8.0;
@@ -72,6 +72,9 @@ pub struct Classified {
     pub fit: Option<FeatureFit>,
     /// Points per square metre of covered ground.
     pub density: f64,
+    /// How unevenly they cover it: the least ratio between the neighbouring quantiles 10, 30, 50, 70 and 90 % of the points per
+    /// square of 2 m. Airborne scans have up to 1.3, scans from the ground 1.8 and more; 1 for clouds of less than 400 m².
+    pub density_spread: f64,
     /// Warnings for the user: another density than in training, points that are not finite.
     pub warnings: Vec<String>,
 }
@@ -124,7 +127,7 @@ impl Job<'_> {
         monitor: &Monitor,
     ) -> Result<Classified> {
         let mut result = Classified::unknown(self.scene.cloud.len(), self.model, self.params.probabilities);
-        result.density = planar_density(&points.positions, monitor)?;
+        result.take_density(PlanarDensity::new(&points.positions, monitor)?);
         result.warnings = self.warnings(result.density, monitor)?;
         let (index, classes) = (&points.frame.index, self.model.classes.len());
         for piece in watched(points.len(), monitor) {
@@ -196,6 +199,10 @@ impl Classified {
         self
     }
 
+    pub(in crate::recipes) fn take_density(&mut self, PlanarDensity { mean, spread }: PlanarDensity) {
+        (self.density, self.density_spread) = (mean, spread);
+    }
+
     /// No class for any point yet.
     pub(in crate::recipes) fn unknown(points: usize, model: &Trained, probabilities: bool) -> Self {
         let classes = model.classes.len();
@@ -207,6 +214,7 @@ impl Classified {
             cars: Vec::new(),
             fit: None,
             density: 0.0,
+            density_spread: 1.0,
             warnings: Vec::new(),
         }
     }

@@ -6,7 +6,7 @@ use crate::parallel::Monitor;
 use crate::recipes::classify::predict::CloudPredictor;
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::regularise::{Probabilities, Regularise, regularise};
-use crate::voxels::planar_density;
+use crate::voxels::PlanarDensity;
 
 /// Classifies point by point; with regularisation the probabilities of all points are held for it.
 pub(super) fn classify(recipe: &PyramidRecipe, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
@@ -26,7 +26,7 @@ pub(super) fn classify(recipe: &PyramidRecipe, job: &Job<'_>, monitor: &Monitor)
 /// Features and probabilities are discarded block by block.
 fn one_by_one(recipe: &PyramidRecipe, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
     let mut result = Classified::unknown(job.scene.cloud.len(), job.model, job.params.probabilities);
-    result.density = planar_density(&job.scene.points(monitor)?.positions, monitor)?;
+    result.take_density(PlanarDensity::new(&job.scene.points(monitor)?.positions, monitor)?);
     result.warnings = job.warnings(result.density, monitor)?;
     let predictor = CloudPredictor::new(job.scene, &recipe.features, job.model.stage(), monitor)?;
     let fit = predictor.run(|group| result.place(&group.points, &group.probabilities, job.model), monitor)?;

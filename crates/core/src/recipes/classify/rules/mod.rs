@@ -65,7 +65,7 @@ fn bridges(scan: &Scan<'_>, free: u8, scene: &MetricCloud<'_>, monitor: &Monitor
     let place = |Crossing { row, width, fall }| format!("{} ({width:.0} m wide, {fall:.1} m high)", at(row));
     let over_land: Vec<String> = crossings(&land, monitor)?.into_iter().map(place).collect();
     let warnings = [
-        warning("ground between two places without points, as of water", &over_water.collect::<Vec<_>>()),
+        warning("ground between two areas without returns, perhaps water,", &over_water.collect::<Vec<_>>()),
         warning("a level way with lower ground on both sides", &over_land),
     ];
     Ok(warnings.into_iter().flatten().collect())
@@ -78,7 +78,8 @@ fn warning(what: &str, places: &[String]) -> Option<String> {
         more => format!(" and {more} more"),
     };
     let named = places[..places.len().min(NAMED)].join(", ");
-    (!places.is_empty()).then(|| format!("{what}: the deck of a bridge, or a dam: {named}{more}"))
+    (!places.is_empty())
+        .then(|| format!("{what} may be the deck of a bridge or a dam, and keeps its class: {named}{more}"))
 }
 
 /// Rules for the final codes of a model with ASPRS classes.
@@ -237,7 +238,8 @@ impl ClassRules {
         }
         if self.finds_decks(classes) && (f64::EPSILON..THIN).contains(&result.density) {
             result.warnings.push(format!(
-                "{:.1} points per square metre: decks of bridges may be named ground or building, for below {THIN:.0} not all are found",
+                "{:.1} points per square metre: below {THIN:.0} not all decks of bridges are found, and the others are named ground, \
+                 building or vegetation",
                 result.density
             ));
         }
@@ -465,7 +467,7 @@ mod tests {
         };
         let rules = ClassRules { decks: DeckParams::default(), ..ClassRules::default() };
         let thin = warnings(2.0, &rules);
-        assert!(thin.len() == 1 && thin[0].contains("0.2 points per square metre: decks of bridges"), "{thin:?}");
+        assert!(thin.len() == 1 && thin[0].contains("0.2 points per square metre: below 2 not all decks of bridges"), "{thin:?}");
         assert!(warnings(0.5, &rules).is_empty() && warnings(2.0, &ClassRules::default()).is_empty());
     }
 
