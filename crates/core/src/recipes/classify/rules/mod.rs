@@ -467,7 +467,10 @@ mod tests {
         };
         let rules = ClassRules { decks: DeckParams::default(), ..ClassRules::default() };
         let thin = warnings(2.0, &rules);
-        assert!(thin.len() == 1 && thin[0].contains("0.2 points per square metre: below 2 not all decks of bridges"), "{thin:?}");
+        assert!(
+            thin.len() == 1 && thin[0].contains("0.2 points per square metre: below 2 not all decks of bridges"),
+            "{thin:?}"
+        );
         assert!(warnings(0.5, &rules).is_empty() && warnings(2.0, &ClassRules::default()).is_empty());
     }
 
