@@ -64,7 +64,7 @@ fn a_killed_program_leaves_the_old_output_or_the_new_one() {
 type Verb = (&'static [&'static str], &'static [&'static str]);
 
 /// Every command that writes.
-const VERBS: [Verb; 20] = [
+const VERBS: [Verb; 21] = [
     (&["convert", "in.laz", "o.las"], &["o.las"]),
     (&["convert", "in.laz", "o.npz"], &["o.npz"]),
     (&["merge", "in.laz", "in.laz", "-o", "o.laz"], &["o.laz"]),
@@ -83,6 +83,7 @@ const VERBS: [Verb; 20] = [
     (&["classify", "in.laz", "-o", "o.npz", "-m", "in.model"], &["o.npz"]),
     (&["regularize", "p.laz", "-o", "o.laz"], &["o.laz"]),
     (&["height", "in.laz", "-o", "o.laz"], &["o.laz"]),
+    (&["normals", "in.laz", "-o", "o.laz"], &["o.laz"]),
     (&["filter", "in.laz", "-o", "o.laz", "--classes", "2,6"], &["o.laz"]),
     (&["terrain", "in.laz", "-o", "o.tif", "--dsm", "o.asc"], &["o.tif", "o.asc"]),
     (

@@ -5,5 +5,6 @@ mod diff;
 mod effects;
 mod filters;
 mod kill;
+mod normals;
 mod outputs;
 mod terrain;

@@ -237,6 +237,7 @@ fn a_result_that_would_be_lost_or_replace_a_field_is_refused() {
     for arguments in [
         vec!["classify", "a.laz", "--to", "Mine"],
         vec!["height", "a.laz"],
+        vec!["normals", "a.laz"],
         vec!["segment", "a.laz"],
         vec!["features", "a.laz", "--only", "Planarity"],
         vec!["filter", "a.laz", "--classes", "2"],
@@ -257,7 +258,7 @@ fn points_that_las_cannot_hold_are_found_before_the_work() {
     let f = folder.path();
     let rows: String = (0..2000).map(|i| format!("{} {} 0.5\n", i % 50, i / 50)).collect();
     std::fs::write(f.join("a.xyz"), format!("{rows}1 2 nan\n")).unwrap();
-    for verb in ["classify", "height", "segment"] {
+    for verb in ["classify", "height", "normals", "segment"] {
         let message = fails(f, &[verb, "a.xyz", "-o", "o.laz"], 4);
         assert!(message.contains("point 2000") && message.contains("finite ones only"), "{message}");
         assert!(!message.contains("stay unclassified") && !message.contains("ground:"), "the work was done: {message}");

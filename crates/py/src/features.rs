@@ -9,8 +9,7 @@ use crate::neighbours::points;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use scansion_core::features::{self, FeatureSet, PyramidParams, Quantity, RadiusParams};
-use scansion_core::graph::Orientation;
-use scansion_core::neighbours::knn;
+use scansion_core::graph::{NormalParams, Orientation};
 use std::sync::Arc;
 
 /// Features of every point, one row a point.
@@ -71,10 +70,7 @@ pub(crate) fn normals<'py>(
     let cloud = Arc::clone(&cloud.inner);
     let found = call(py, n_jobs, |monitor| {
         let points = points(&cloud, metres_per_unit, monitor)?;
-        let near = knn(&points.positions, k, monitor)?;
-        let mut found = features::normals(&points.positions, &near, monitor)?;
-        orientation.orient(&points, &near, &mut found.directions, monitor)?;
-        Ok(found)
+        NormalParams { neighbours: k, orientation }.find(&points, monitor)
     })?;
     let directions = to_matrix(py, found.directions.into_flattened(), 3)?;
     Ok((directions, PyArray1::from_vec(py, found.variation)))

@@ -1,8 +1,9 @@
-//! Arguments that are one name of a list of the core.
+//! Arguments that are one name of a list of the core, or a number in its place.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use scansion_core::classes::ClassTable;
 use scansion_core::classification::ClassifierKind;
+use scansion_core::graph::Orientation;
 use scansion_core::recipes::{Regularise, SegmentMethod};
 
 /// Methods of segmentation.
@@ -49,6 +50,19 @@ pub(crate) fn unit(text: &str) -> Result<f64, String> {
     }
 }
 
+/// The side to which normals point: its name, or the position of the sensor.
+pub(crate) fn orientation(text: &str) -> Result<Orientation, String> {
+    match text.trim() {
+        "up" => Ok(Orientation::Up),
+        "spanning-tree" => Ok(Orientation::SpanningTree),
+        numbers => {
+            let found: Vec<f64> = numbers.split(',').map_while(|number| number.trim().parse().ok()).collect();
+            let position = <[f64; 3]>::try_from(found).ok().filter(|_| numbers.split(',').count() == 3);
+            position.map(Orientation::Sensor).ok_or_else(|| "up, spanning-tree, or a position X,Y,Z".into())
+        }
+    }
+}
+
 /// Parses the name of one of `all`; help shows the names with their titles.
 fn choices<T: Copy + Send + Sync + 'static>(
     all: &'static [T],
@@ -79,5 +93,15 @@ mod tests {
     fn units_have_numbers_or_names() {
         assert_eq!((unit("feet"), unit("0.3048"), unit("metres")), (Ok(0.3048), Ok(0.3048), Ok(1.0)));
         assert!(unit("0,3").is_err() && unit("yard").is_err());
+    }
+
+    #[test]
+    fn orientations_have_names_or_positions() {
+        assert_eq!(orientation("up"), Ok(Orientation::Up));
+        assert_eq!(orientation("spanning-tree"), Ok(Orientation::SpanningTree));
+        assert_eq!(orientation("-1, 2.5,3"), Ok(Orientation::Sensor([-1.0, 2.5, 3.0])));
+        for wrong in ["down", "1,2", "1,2,3,4", "1,2,3,a", "1,,3", ""] {
+            assert!(orientation(wrong).unwrap_err().contains("X,Y,Z"), "{wrong}");
+        }
     }
 }

@@ -30,6 +30,13 @@ pub(super) const FEATURES: &str = "Examples:
   scansion features my.laz -o shape.laz --optimal --neighbours 10,100
   scansion features my.laz -o shape.laz --only Planarity,Verticality --set features.pyramid.first_scale=0.25";
 
+pub(super) const NORMALS: &str = "Examples:
+  scansion normals my.laz -o normals.laz
+  scansion normals room.e57 -o normals.ply --orientation 2.5,-1,1.7     towards the scanner
+  scansion render normals.laz -o normals.png --by NormalZ
+
+All else in LAS and LAZ stays as it is, byte for byte. Normals of stray points and of those without finite coordinates are NaN.";
+
 pub(super) const TRAIN: &str = "Examples:
   scansion train a.laz b.laz -o my.model
   scansion train a.laz -o my.model --set 'features.dimensions=[\"Amplitude\"]'

@@ -1,10 +1,11 @@
 //! Arguments of the commands that compute features, train, classify and evaluate.
 
 use super::choices::class_code;
-use super::choices::{classifiers, regularisations};
+use super::choices::{classifiers, orientation, regularisations};
 use super::{LabelArgs, RecipeArgs, ScaleArgs, UnitArgs, examples};
 use clap::{Args as ClapArgs, Subcommand};
 use scansion_core::classification::ClassifierKind;
+use scansion_core::graph::{NormalParams, Orientation};
 use scansion_core::recipes::{ClassDimension, GridAxis, Regularise};
 use std::path::PathBuf;
 
@@ -33,6 +34,29 @@ pub(crate) struct Features {
     pub(crate) neighbours: Vec<usize>,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
+    #[command(flatten)]
+    pub(crate) unit: UnitArgs,
+    #[command(flatten)]
+    pub(crate) scale: ScaleArgs,
+}
+
+/// scansion normals IN -o OUT
+#[derive(Debug, ClapArgs)]
+#[command(after_help = examples::NORMALS)]
+pub(crate) struct Normals {
+    /// Cloud whose normals are computed
+    pub(crate) input: PathBuf,
+    /// Output: the input with the dimensions NormalX, NormalY and NormalZ
+    #[arg(short, long)]
+    pub(crate) output: PathBuf,
+    /// Number of neighbours of a point, not counting itself, 2 to 32
+    #[arg(long, value_name = "K", default_value_t = NormalParams::default().neighbours)]
+    pub(crate) neighbours: usize,
+    /// Side to which the normals point: up; spanning-tree: consistently to one side of the surface, from the highest point on
+    /// (Hoppe et al. 1992); or towards a sensor at X,Y,Z, in metres
+    #[arg(long, value_name = "up|spanning-tree|X,Y,Z", value_parser = orientation, default_value = "up",
+        allow_hyphen_values = true)]
+    pub(crate) orientation: Orientation,
     #[command(flatten)]
     pub(crate) unit: UnitArgs,
     #[command(flatten)]

@@ -26,6 +26,7 @@ impl Command {
     pub(crate) fn unit(&self) -> Option<f64> {
         match self {
             Self::Features(args) => args.unit.unit,
+            Self::Normals(args) => args.unit.unit,
             Self::Train(args) => args.unit.unit,
             Self::Classify(args) => args.unit.unit,
             Self::Regularize(args) => args.unit.unit,
@@ -48,6 +49,7 @@ impl Command {
             Self::Convert(args) => &args.scale.scale,
             Self::Merge(args) => &args.scale.scale,
             Self::Features(args) => &args.scale.scale,
+            Self::Normals(args) => &args.scale.scale,
             Self::Classify(args) => &args.scale.scale,
             Self::Regularize(args) => &args.scale.scale,
             Self::Segment(args) => &args.scale.scale,

@@ -15,7 +15,7 @@ mod terrain;
 pub(crate) use contours::Contours;
 pub(crate) use files::{Completions, Convert, Diff, Info, Man, Merge};
 pub(crate) use filters::{Filter, NoiseArgs, OutlierMethod};
-pub(crate) use learning::{Classify, Evaluate, Features, Model, Regularize, Train};
+pub(crate) use learning::{Classify, Evaluate, Features, Model, Normals, Regularize, Train};
 pub(crate) use lengths::{ScaleArgs, UnitArgs};
 pub(crate) use pictures::{Render, ViewArg};
 pub(crate) use segments::{Segment, SegmentArgs, Suggest};
@@ -120,6 +120,8 @@ pub(crate) enum Command {
     Diff(Diff),
     /// Compute multi-scale features, or list them
     Features(Features),
+    /// Write the normal of every point
+    Normals(Normals),
     /// Train a model on labelled clouds
     Train(Train),
     /// Classify every point
@@ -162,6 +164,7 @@ impl Command {
             Self::Convert(_)
                 | Self::Merge(_)
                 | Self::Features(_)
+                | Self::Normals(_)
                 | Self::Classify(_)
                 | Self::Regularize(_)
                 | Self::Segment(_)
@@ -192,6 +195,7 @@ impl Command {
             Self::Merge(args) => (args.inputs_and_output().0, vec![]),
             Self::Diff(args) => return vec![&args.a, &args.b],
             Self::Features(args) => (&[], vec![&args.input, &args.recipe.recipe]),
+            Self::Normals(args) => (std::slice::from_ref(&args.input), vec![]),
             Self::Train(args) => {
                 let files = args.inputs.iter().chain(&args.weak_labels).chain(&args.edges).map(PathBuf::as_path);
                 return files.chain(args.recipe.recipe.as_deref().filter(|path| !is_name(path))).collect();

@@ -34,6 +34,7 @@ impl Command {
             Self::Features(args) => {
                 Streams { inputs: args.input.iter_mut().collect(), output: args.output.as_mut(), format: "csv" }
             }
+            Self::Normals(args) => cloud(vec![&mut args.input], &mut args.output),
             Self::Train(args) => read(args.inputs.iter_mut().collect()),
             Self::Classify(args) => cloud(args.inputs.iter_mut().collect(), &mut args.output),
             Self::Regularize(args) => cloud(vec![&mut args.input], &mut args.output),

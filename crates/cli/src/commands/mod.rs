@@ -15,6 +15,7 @@ mod info;
 mod labels;
 mod merge;
 mod model;
+mod normals;
 mod regularize;
 mod render;
 mod segment;
@@ -185,6 +186,7 @@ fn command(command: &Command, context: &Context<'_>) -> Result<(), Failure> {
         Command::Merge(merge) => merge::run(merge, context),
         Command::Diff(diff) => diff::run(diff, context),
         Command::Features(features) => features::run(features, context),
+        Command::Normals(normals) => normals::run(normals, context),
         Command::Train(train) => train::run(train, context),
         Command::Classify(classify) => classify::run(classify, context),
         Command::Regularize(regularize) => regularize::run(regularize, context),

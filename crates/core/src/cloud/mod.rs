@@ -64,6 +64,8 @@ pub mod names {
     pub const ENTROPY: &str = "Entropy";
     /// Height above the ground, f32, in the unit of z.
     pub const HEIGHT_ABOVE_GROUND: &str = "HeightAboveGround";
+    /// Components of the unit normal, f32.
+    pub const NORMAL: [&str; 3] = ["NormalX", "NormalY", "NormalZ"];
 
     /// Name of the dimension with the probability of a class: `P_` and the name, at most 31 characters, as many as LAS has
     /// room for.

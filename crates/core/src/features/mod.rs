@@ -19,6 +19,7 @@ pub use extractor::stream::{FeatureStream, Rows};
 pub(crate) use extractor::tiles::Middle;
 pub use extractor::tiles::Tiles;
 pub use extractor::{Extractor, Scratch, Wanted};
+pub(crate) use normals::check_neighbours;
 pub use normals::{Normals, normals};
 pub use optimal::{OptimalFeatures, local_descriptors, optimal_features, optimal_features_of};
 pub use params::{Centre, Column, Divisor, FeatureSet, PyramidParams};

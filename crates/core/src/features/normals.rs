@@ -47,8 +47,8 @@ pub struct Normals {
 /// ```
 pub fn normals(points: &Positions, neighbours: &Neighbours, monitor: &Monitor) -> Result<Normals> {
     let few = neighbours.k() < 2;
-    if neighbours.k() >= MOST || (few && points.len() > 2) {
-        return Err(Error::parameter("neighbours", neighbours.k(), "2..=32"));
+    if !few || points.len() > 2 {
+        check_neighbours(neighbours.k())?;
     }
     if neighbours.k() > 0 && neighbours.len() != points.len() {
         let (rows, n) = (neighbours.len(), points.len());
@@ -73,6 +73,14 @@ pub fn normals(points: &Positions, neighbours: &Neighbours, monitor: &Monitor) -
         found.variation.extend(part.variation);
     }
     Ok(found)
+}
+
+/// Fails if that many neighbours of a point give no normal.
+pub(crate) fn check_neighbours(k: usize) -> Result<()> {
+    match (2..MOST).contains(&k) {
+        true => Ok(()),
+        false => Err(Error::parameter("neighbours", k, "2..=32")),
+    }
 }
 
 /// Computes the normals of a block, compiled for each instruction set.

@@ -17,7 +17,7 @@ pub use components::{Components, connected_components};
 pub use felzenszwalb::{EdgeMeaning, FelzenszwalbMerger, FelzenszwalbParams, felzenszwalb};
 pub use incidence::Incidence;
 pub use max_flow::MaxFlow;
-pub use orientation::Orientation;
+pub use orientation::{NormalParams, Orientation};
 pub use spanning_tree::minimum_spanning_tree;
 pub(crate) use union_find::UnionFind;
 pub use weight::{EdgeWeight, metric_share};

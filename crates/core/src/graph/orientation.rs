@@ -4,7 +4,8 @@ use super::union_find::UnionFind;
 use super::{Adjacency, KnnGraphParams, knn_graph, minimum_spanning_tree};
 use crate::cloud::{Points, Positions};
 use crate::error::{Error, Result};
-use crate::neighbours::Neighbours;
+use crate::features::{Normals, check_neighbours, normals};
+use crate::neighbours::{Neighbours, knn};
 use crate::parallel::{Monitor, map_watched, watched};
 use serde::{Deserialize, Serialize};
 
@@ -24,7 +25,58 @@ pub enum Orientation {
     SpanningTree,
 }
 
+/// How the oriented normals of a cloud are found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NormalParams {
+    /// Neighbours of a point, not counting itself; 2..=32.
+    pub neighbours: usize,
+    /// The side to which the normals point.
+    pub orientation: Orientation,
+}
+
+impl Default for NormalParams {
+    fn default() -> Self {
+        Self { neighbours: 15, orientation: Orientation::Up }
+    }
+}
+
+impl NormalParams {
+    /// Checks the parameters.
+    ///
+    /// # Errors
+    /// If a parameter is outside its range.
+    pub fn validate(&self) -> Result<()> {
+        check_neighbours(self.neighbours)?;
+        self.orientation.validate()
+    }
+
+    /// Normal and surface variation of each point: [`normals`] of its nearest neighbours, turned to one side by
+    /// [`Orientation::orient`].
+    ///
+    /// # Errors
+    /// As [`normals`] and [`Orientation::orient`].
+    pub fn find(&self, points: &Points, monitor: &Monitor) -> Result<Normals> {
+        let near = knn(&points.positions, self.neighbours, monitor)?;
+        let mut found = normals(&points.positions, &near, monitor)?;
+        self.orientation.orient(points, &near, &mut found.directions, monitor)?;
+        Ok(found)
+    }
+}
+
 impl Orientation {
+    /// Checks the position of the sensor.
+    ///
+    /// # Errors
+    /// If it is not finite.
+    pub fn validate(&self) -> Result<()> {
+        match self {
+            Orientation::Sensor(at) if at.iter().any(|c| !c.is_finite()) => {
+                Err(Error::parameter("orientation", format!("{at:?}"), "up, spanning-tree or a finite position"))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Flips normals so that they point to one side; only signs change.
     ///
     /// `SpanningTree`: H. Hoppe et al., *Surface reconstruction from unorganized points*, SIGGRAPH 1992, section 3.3: the
@@ -45,12 +97,16 @@ impl Orientation {
             let (normals, n) = (directions.len(), points.len());
             return Err(Error::input(format!("{normals} normals for {n} points")));
         }
+        self.validate()?;
         match self {
             Orientation::Up => {
                 directions.iter_mut().filter(|n| n[2] < 0.0).for_each(flip);
                 monitor.check()
             }
-            Orientation::Sensor(at) => towards(points, directions, *at).and_then(|()| monitor.check()),
+            Orientation::Sensor(at) => {
+                towards(points, directions, *at);
+                monitor.check()
+            }
             Orientation::SpanningTree => propagate(&points.positions, neighbours, directions, monitor),
         }
     }
@@ -60,10 +116,7 @@ fn flip(normal: &mut [f32; 3]) {
     *normal = normal.map(|c| -c);
 }
 
-fn towards(points: &Points, directions: &mut [[f32; 3]], sensor: [f64; 3]) -> Result<()> {
-    if sensor.iter().any(|c| !c.is_finite()) {
-        return Err(Error::input(format!("position {sensor:?} of the sensor is not finite")));
-    }
+fn towards(points: &Points, directions: &mut [[f32; 3]], sensor: [f64; 3]) {
     let [x, y, z] = [0, 1, 2].map(|a| sensor[a] - points.frame.origin[a]);
     for (i, normal) in directions.iter_mut().enumerate() {
         let at = points.positions.xyz(i).map(f64::from);
@@ -72,7 +125,6 @@ fn towards(points: &Points, directions: &mut [[f32; 3]], sensor: [f64; 3]) -> Re
             flip(normal);
         }
     }
-    Ok(())
 }
 
 fn propagate(
@@ -155,8 +207,6 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 mod tests {
     use super::*;
     use crate::cloud::Cloud;
-    use crate::features::normals;
-    use crate::neighbours::knn;
 
     /// A ball of radius 2 around (3, 3, 10), evenly sampled on a spiral.
     fn ball() -> (Points, Vec<[f64; 3]>) {
@@ -174,10 +224,8 @@ mod tests {
 
     fn outward_share(orientation: &Orientation) -> f64 {
         let (points, outward) = ball();
-        let monitor = Monitor::default();
-        let near = knn(&points.positions, 10, &monitor).unwrap();
-        let mut directions = normals(&points.positions, &near, &monitor).unwrap().directions;
-        orientation.orient(&points, &near, &mut directions, &monitor).unwrap();
+        let params = NormalParams { neighbours: 10, orientation: orientation.clone() };
+        let directions = params.find(&points, &Monitor::default()).unwrap().directions;
         let along = |(n, o): &(&[f32; 3], &[f64; 3])| (0..3).map(|a| f64::from(n[a]) * o[a]).sum::<f64>() > 0.0;
         directions.iter().zip(&outward).filter(along).count() as f64 / outward.len() as f64
     }

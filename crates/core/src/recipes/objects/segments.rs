@@ -2,9 +2,8 @@
 
 use crate::cloud::{Cloud, Points, names};
 use crate::error::{Error, Result};
-use crate::features::{colours, normals};
-use crate::graph::Orientation;
-use crate::neighbours::knn;
+use crate::features::colours;
+use crate::graph::{NormalParams, Orientation};
 use crate::parallel::Monitor;
 use crate::segmentation::{
     LocalGraphParams, Partition, PointAttributes, SlicParams, Supervoxels, VccsParams, local_graphs, slic, vccs,
@@ -100,10 +99,8 @@ impl ObjectSegments {
         monitor: &Monitor,
     ) -> Result<Supervoxels> {
         self.validate()?;
-        let near = knn(&points.positions, self.neighbours, monitor)?;
-        let mut directions = normals(&points.positions, &near, monitor)?.directions;
-        self.orientation.orient(points, &near, &mut directions, monitor)?;
-        drop(near);
+        let params = NormalParams { neighbours: self.neighbours, orientation: self.orientation.clone() };
+        let directions = params.find(points, monitor)?.directions;
         let attributes = PointAttributes { normals: Some(&directions), colours };
         match self.supervoxels {
             SupervoxelMode::Slic => slic(&points.positions, &attributes, &self.slic, monitor),
