@@ -20,6 +20,13 @@ def village(x, y):
     return np.where(house, 8 - 0.6 * np.abs(v - 15), 0.02 * x)
 
 
+def hillside(x, y):
+    """The same houses, with level eaves, on a slope of 17 degrees."""
+    u, v = x % 40, y % 40
+    house = (u > 10) & (u < 22) & (v > 10) & (v < 20)
+    return np.where(house, 0.3 * (np.floor(x / 40) * 40 + 22) + 6 - 0.6 * np.abs(v - 15), 0.3 * x)
+
+
 def terraces(x, y):
     return sum(12 * np.clip(x - edge, 0, 1) for edge in range(15, 135, 15))
 
@@ -64,6 +71,8 @@ SCENES = {
     "car park with a wet spot beside a kerb": lambda x, y: 0.15 * kerb(x, y),
     "bridge over a road in a cutting": lambda x, y: np.where(deck(x, y), 0, -depth(x)),
     "dam across a cutting, sides of 45 degrees": lambda x, y: -np.minimum(depth(x), np.clip(np.abs(y - 75) - 5, 0, None)),
+    "village on a slope of 17 degrees": hillside,
+    "quarry, a square pit, terraces of 15 m": lambda x, y: 12 * np.floor(np.maximum(np.abs(x - 75), np.abs(y - 75)) / 15),
 }
 #: Where water mirrors eight of nine pulses away.
 MIRRORS = {

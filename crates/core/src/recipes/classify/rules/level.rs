@@ -15,11 +15,10 @@ use serde::{Deserialize, Serialize};
 ///
 /// Cells in plan that hold building points are joined to components, 8 neighbours a cell, unless their highest building
 /// points differ by more than the edge of a cell (and `step`): ground beside a house that was named building is no part of the
-/// house. In thin clouds, which have larger cells, all are joined. A pair of building cells that differ by more than `drop`
-/// drops, too, seen from the higher one. Each pair of a building cell and a neighbour that holds ground, but no building, is
-/// level, drops, or does not count: by the step from the building point to the ground point that are nearest in plan. Building
-/// points more than 1 m below the highest of their cell, which may lie on a wall, are left out, and so are pairs whose points
-/// are more than the edge of a cell apart.
+/// house. In thin clouds, which have larger cells, all are joined. Each pair of a building cell and a neighbour that holds
+/// ground, but no building, is level, drops, or does not count: by the step from the building point to the ground point that
+/// are nearest in plan. Building points more than 1 m below the highest of their cell, which may lie on a wall, are left out,
+/// and so are pairs whose points are more than the edge of a cell apart.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LevelParams {
@@ -216,7 +215,6 @@ impl Scene<'_> {
             // In thin clouds, whose cells are larger, the highest points of neighbours differ on any roof.
             let wide = self.edge > self.params.cell;
             let joined = if wide { f64::INFINITY } else { self.params.step.max(STEEP * self.edge) };
-            let drop = self.params.drop.max(joined);
             let mut walk = Walk::<1>::new(&self.cells.keys, 0);
             for piece in watched(self.building.len(), monitor) {
                 for cell in piece?.filter(|&cell| self.building[cell]) {
@@ -224,7 +222,6 @@ impl Scene<'_> {
                     walk.around(cell, |near, _| {
                         if self.building[near] {
                             let fall = f64::from(highest[cell] - highest[near]);
-                            own[cell].drop += usize::from(fall > drop);
                             if fall.abs() <= joined {
                                 components.unite(cell as u32, near as u32);
                             }
