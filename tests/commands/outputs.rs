@@ -765,7 +765,7 @@ fn names_stand_for_codes_units_and_the_built_in_model() {
 fn road(even: bool) -> Cloud {
     let place = |i: u32, step: f64| (f64::from(i) * step).fract();
     let point = |i: u32| {
-        let side = if i % 2 == 0 { 1.0 } else { -1.0 };
+        let side = if i.is_multiple_of(2) { 1.0 } else { -1.0 };
         let away =
             if even { 60.0 * place(i, 0.569_840_291) } else { -15.0 * (1.0 - 0.98 * place(i, 0.569_840_291)).ln() };
         [side * away, 100.0 * place(i, 0.754_877_666), 0.02 * place(i, 0.618_033_989)]
