@@ -10,6 +10,28 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
+/// Points that `classify` left unclassified get a class again, with a warning, unless they are kept.
+fn kept_points_stay_unclassified(f: &Path, model: &[&str]) {
+    done(f, &[model, &["-o", "some.laz", "--probabilities", "--abstain", "0.95"]].concat());
+    let unclassified = |name: &str| {
+        let cloud = scansion_core::io::read(&f.join(name)).unwrap();
+        let codes = cloud.column("Classification").unwrap().values.to_f64();
+        codes.iter().map(|&code| code == 1.0).collect::<Vec<bool>>()
+    };
+    let open = unclassified("some.laz");
+    let number = open.iter().filter(|&&open| open).count();
+    assert!(number > 10 && number < open.len());
+    let (_, warned) = ends(f, &["regularize", "some.laz", "-o", "every.laz"], 0);
+    let expected = format!("have no probability were replaced: 1 unclassified ({number} points); --keep 1 keeps them");
+    assert!(warned.contains(&expected), "{warned}");
+    assert!(!unclassified("every.laz").contains(&true));
+    let (_, warned) = ends(f, &["regularize", "some.laz", "-o", "kept.laz", "--keep", "1"], 0);
+    assert!(!warned.contains("replaced"), "{warned}");
+    assert!(unclassified("kept.laz") == open);
+    let (_, warned) = ends(f, &["regularize", "some.laz", "-o", "wrong.laz", "--keep", "17"], 0);
+    assert!(warned.contains("--keep 17: no point"), "{warned}");
+}
+
 /// `regularize` of written probabilities gives what `classify --regularize` gives, but for what rounding does.
 fn neighbours_agree_afterwards_as_in_one_step(f: &Path) {
     let keys =
@@ -37,6 +59,7 @@ fn neighbours_agree_afterwards_as_in_one_step(f: &Path) {
         f,
         &["regularize", "alone.laz", "-o", "own.laz", "--to", "Smooth", "--probabilities", "P_class_6=6,P_class_2=2"],
     );
+    kept_points_stay_unclassified(f, &model);
     let wrong = fails(f, &["regularize", "c.txt", "-o", "x.laz"], 4);
     assert!(wrong.contains("at least 2"), "{wrong}");
     let wrong = fails(f, &["regularize", "alone.laz", "-o", "x.laz", "--probabilities", "P_roof=6,P_class_2=2"], 4);

@@ -217,6 +217,9 @@ pub(crate) struct Regularize {
     /// Change one setting, e.g. regularise.neighbours=15; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(crate) set: Vec<String>,
+    /// Keep the class of points with these codes, e.g. 1 for points that classify left unclassified
+    #[arg(long, value_name = "CODES", value_delimiter = ',', value_parser = class_code)]
+    pub(crate) keep: Vec<u8>,
     /// Write the classes to this dimension, and leave Classification as it is
     #[arg(long, value_name = "NAME")]
     pub(crate) to: Option<String>,

@@ -1,5 +1,6 @@
 //! What `scansion classify` says about its result: as a table, JSON or CSV.
 
+use super::codes::{Replaced, lost, name_of};
 use crate::args::Format;
 use scansion_core::classes::ClassTable;
 use scansion_core::recipes::Classified;
@@ -33,14 +34,6 @@ struct ClassShare {
     share: f64,
     /// Mean over its points.
     confidence: f64,
-}
-
-/// A class of the input that is written over.
-#[derive(Debug, Serialize)]
-pub(crate) struct Replaced {
-    pub(crate) code: u32,
-    pub(crate) name: String,
-    pub(crate) points: u64,
 }
 
 impl Summary {
@@ -78,13 +71,7 @@ impl Summary {
 
     /// What replaces which classes of the input, and how to keep them; `None` if none is lost.
     pub(crate) fn notice(&self) -> Option<String> {
-        let text = |class: &Replaced| format!("{} {} ({} points)", class.code, class.name, class.points);
-        let list = self.replaced.iter().map(text).collect::<Vec<_>>().join(", ");
-        let kept = self.replaced.iter().filter(|class| class.code <= 255).map(|class| class.code.to_string());
-        let kept = kept.collect::<Vec<_>>().join(",");
-        let advice = if kept.is_empty() { String::new() } else { format!("; --keep {kept} keeps them") };
-        (!self.replaced.is_empty())
-            .then(|| format!("{}: classes that the model does not know were replaced: {list}{advice}", self.output))
+        lost("the model does not know", &self.replaced).map(|text| format!("{}: {text}", self.output))
     }
 
     /// What goes to stdout; nothing if a table on stderr was asked for.
@@ -124,11 +111,4 @@ impl Summary {
         }
         text
     }
-}
-
-/// The name of a code; codes of no class are those of unclassified, stray and kept points.
-pub(crate) fn name_of(code: u8, classes: &ClassTable) -> String {
-    let other = ClassTable::from_codes(&[code]);
-    let class = classes.position(code).map_or(other.classes().first(), |c| classes.classes().get(c));
-    class.map_or_else(String::new, |class| class.name.clone())
 }

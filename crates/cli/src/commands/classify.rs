@@ -1,15 +1,15 @@
 //! `scansion classify`: classifies every point and keeps everything else in the file.
 
-use super::classified::{Replaced, Summary, name_of};
+use super::classified::Summary;
+use super::codes::{Kept, replaced, unclassified};
 use super::{Context, sources};
 use crate::args::Classify;
 use crate::exit_code::Failure;
 use scansion_core::Error;
 use scansion_core::classes::{ClassTable, LabelMap};
-use scansion_core::cloud::{Cloud, CodeScheme, Column, Values, names};
+use scansion_core::cloud::{Cloud, Column, Values, names};
 use scansion_core::io::{self, Columns, Edit, run, salvage};
 use scansion_core::recipes::{self, ClassRules, Classified, ClassifyParams, Model};
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
@@ -27,7 +27,7 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
     tell_unused(&model, &map, args, context)?;
     let builtin = recipes::is_builtin(&model);
     let (mut failed, mut first) = (0, true);
-    let mut keep = Kept { read: false, absent: args.keep.clone() };
+    let mut keep = Kept::new(&args.keep);
     let skipped = |output: &Path| args.skip_existing && output.exists();
     let check = |output: &Path| match skipped(output) {
         true => Ok(false),
@@ -61,7 +61,7 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
         }
     }
     keep.tell(context);
-    if builtin && keep.read && failed < pairs.len() {
+    if builtin && keep.read() && failed < pairs.len() {
         context.printer.note(&recipes::builtin_limits(&rules(&model, args)?));
     }
     if failed > 0 { Err(Failure::Partly { failed, inputs: pairs.len() }) } else { Ok(()) }
@@ -88,33 +88,6 @@ fn tell_unused(model: &Model, map: &LabelMap, args: &Classify, context: &Context
         context.printer.warning(&format!("--map changes no point of {codes}: the model's classes are {has}"));
     }
     Ok(())
-}
-
-/// The codes of `--keep` that no point of the inputs so far has.
-struct Kept {
-    /// Whether an input was read.
-    read: bool,
-    absent: Vec<u8>,
-}
-
-impl Kept {
-    /// Looks for the codes in an input.
-    fn look(&mut self, cloud: &Cloud) {
-        self.read = true;
-        let values = cloud.column(names::CLASSIFICATION).map(|column| &column.values);
-        let has = |code: u8| values.is_some_and(|v| (0..v.len()).any(|i| (v.get(i) - f64::from(code)).abs() < 0.5));
-        self.absent.retain(|&code| !has(code));
-    }
-
-    /// Warns of the codes that no input has.
-    fn tell(&self, context: &Context<'_>) {
-        if self.read && !self.absent.is_empty() {
-            let codes = self.absent.iter().map(u8::to_string).collect::<Vec<_>>().join(", ");
-            let text =
-                format!("--keep {codes}: no point of the input has this class (--keep takes codes of the input)");
-            context.printer.warning(&text);
-        }
-    }
 }
 
 /// A file to classify.
@@ -174,7 +147,11 @@ fn one(job: &Job<'_>, keep: &mut Kept, args: &Classify, context: &Context<'_>) -
     let points = cloud.len();
     let codes = merge(&cloud, &result, map, args);
     let given = given(model, args, context)?;
-    let replaced = if args.to.is_none() { replaced(&cloud, &codes, &mapped(&given, map)) } else { Vec::new() };
+    let replaced = if args.to.is_none() {
+        replaced(&cloud, &codes, &mapped(&given, map), unclassified(&cloud))
+    } else {
+        Vec::new()
+    };
     let summary = Summary::new(output, &codes, &result, &given).replacing(replaced);
     drop(cloud);
     let edits = edits((codes, result), (model, map), (args, context))?;
@@ -250,14 +227,6 @@ fn check_kept(cloud: &Cloud, args: &Classify) -> Result<(), Error> {
     }
 }
 
-/// The codes of points without a class.
-fn unclassified(cloud: &Cloud) -> &'static [u8] {
-    match cloud.scheme {
-        CodeScheme::Own | CodeScheme::S3dis => &[0, 1],
-        known => known.unlabelled(),
-    }
-}
-
 /// The codes of some classes in the output.
 fn mapped(classes: &ClassTable, map: &LabelMap) -> Vec<u8> {
     classes.classes().iter().map(|class| map.apply(class.code)).collect()
@@ -274,27 +243,6 @@ fn written_names(classes: &ClassTable, map: &LabelMap) -> Vec<(u8, String)> {
         }
     }
     names
-}
-
-/// Classes of the input that are written over, but are none of the `known` ones, which a result may have.
-fn replaced(cloud: &Cloud, codes: &[u8], known: &[u8]) -> Vec<Replaced> {
-    let Some(old) = cloud.column(names::CLASSIFICATION).map(|c| &c.values) else { return Vec::new() };
-    let (mut counts, mut large) = ([0u64; 256], BTreeMap::<u32, u64>::new());
-    for (i, &new) in codes.iter().enumerate() {
-        let old = old.get(i);
-        if old > 255.0 {
-            *large.entry(old as u32).or_default() += 1;
-        } else {
-            counts[usize::from(old as u8)] += u64::from(old as u8 != new);
-        }
-    }
-    let open = unclassified(cloud);
-    let lost =
-        (0u8..=255).zip(counts).filter(|(code, points)| *points > 0 && !known.contains(code) && !open.contains(code));
-    let scheme = |code| ClassTable::named(&[code], cloud.scheme, &cloud.class_names);
-    let lost = lost.map(|(code, points)| Replaced { code: code.into(), name: name_of(code, &scheme(code)), points });
-    let large = large.into_iter().map(|(code, points)| Replaced { code, name: format!("class {code}"), points });
-    lost.chain(large).collect()
 }
 
 /// The dimensions that will be written, still empty.

@@ -2,6 +2,7 @@
 
 mod classified;
 mod classify;
+mod codes;
 mod contours;
 mod convert;
 mod demo;
