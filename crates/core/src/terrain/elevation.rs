@@ -1,5 +1,6 @@
 //! Elevation model, and heights of points above it.
 
+use super::membrane::membrane;
 use super::smooth::{fill_holes, median};
 use crate::cloud::{Points, Raster};
 use crate::error::{Error, Result};
@@ -65,38 +66,17 @@ impl ElevationModel {
     /// If there is no ground point, lengths differ, a parameter is out of range, the extent has too many cells, or the work was
     /// cancelled.
     pub fn fit(points: &Points, is_ground: &[bool], params: &ElevationParams, monitor: &Monitor) -> Result<Self> {
-        params.validate()?;
-        check_mask(points.len(), is_ground)?;
-        if !is_ground.contains(&true) {
-            return Err(Error::input("no ground point: name a class that is ground, or give an elevation model"));
-        }
-        monitor.check()?;
-        let Points { positions, frame } = points;
-        let low = [&positions.x, &positions.y].map(|axis| axis.iter().fold(f32::INFINITY, |m, &v| m.min(v)));
-        let high = [&positions.x, &positions.y].map(|axis| axis.iter().fold(f32::NEG_INFINITY, |m, &v| m.max(v)));
-        let world = |v: [f32; 2]| [0, 1].map(|a| f64::from(v[a]) + frame.origin[a]);
-        let mut raster = Raster::over(world(low), world(high), params.cell)?;
-        let key = |i: usize| {
-            let [x, y, _] = points.world(i);
-            (raster.cell_of([x, y]) as u32, ascending(positions.z[i]))
-        };
-        let parts = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
-            let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
-            Ok(range.filter(|&i| is_ground[i]).map(key).collect::<Vec<(u32, u32)>>())
-        })?;
-        let mut keys = concat_watched(parts, monitor)?;
-        sort_watched(&mut keys, monitor)?;
-        let mut looks = Looks::at(monitor);
-        for cell in keys.chunk_by(|a, b| a.0 == b.0) {
-            looks.steps(cell.len())?;
-            let (index, z) = cell[(params.percentile * (cell.len() - 1) as f64) as usize];
-            raster.values_mut()[index as usize] = f64::from(descended(z)) + frame.origin[2];
-        }
-        let raster = fill_holes(raster, monitor)?;
-        match params.median {
-            1 => Ok(Self { raster }),
-            width => Ok(Self { raster: median(raster, width, monitor)? }),
-        }
+        let raster = fill_holes(heights_of_cells(points, is_ground, params, monitor)?, monitor)?;
+        Ok(Self { raster: smoothed(raster, params, monitor)? })
+    }
+
+    /// As [`ElevationModel::fit`], but a membrane spans the holes, so that the ground below a house on a slope is the slope.
+    ///
+    /// # Errors
+    /// As [`ElevationModel::fit`].
+    pub fn stretched(points: &Points, is_ground: &[bool], params: &ElevationParams, monitor: &Monitor) -> Result<Self> {
+        let raster = membrane(heights_of_cells(points, is_ground, params, monitor)?, monitor)?;
+        Ok(Self { raster: smoothed(raster, params, monitor)? })
     }
 
     /// An elevation model from given heights; holes (NaN) take the nearest height.
@@ -152,6 +132,47 @@ impl ElevationModel {
         })?;
         concat_watched(parts, monitor)
     }
+}
+
+/// A raster below all points: the percentile of the ground points' heights in each cell, NaN in cells without any.
+fn heights_of_cells(
+    points: &Points,
+    is_ground: &[bool],
+    params: &ElevationParams,
+    monitor: &Monitor,
+) -> Result<Raster> {
+    params.validate()?;
+    check_mask(points.len(), is_ground)?;
+    if !is_ground.contains(&true) {
+        return Err(Error::input("no ground point: name a class that is ground, or give an elevation model"));
+    }
+    monitor.check()?;
+    let Points { positions, frame } = points;
+    let low = [&positions.x, &positions.y].map(|axis| axis.iter().fold(f32::INFINITY, |m, &v| m.min(v)));
+    let high = [&positions.x, &positions.y].map(|axis| axis.iter().fold(f32::NEG_INFINITY, |m, &v| m.max(v)));
+    let world = |v: [f32; 2]| [0, 1].map(|a| f64::from(v[a]) + frame.origin[a]);
+    let mut raster = Raster::over(world(low), world(high), params.cell)?;
+    let key = |i: usize| {
+        let [x, y, _] = points.world(i);
+        (raster.cell_of([x, y]) as u32, ascending(positions.z[i]))
+    };
+    let parts = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
+        let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
+        Ok(range.filter(|&i| is_ground[i]).map(key).collect::<Vec<(u32, u32)>>())
+    })?;
+    let mut keys = concat_watched(parts, monitor)?;
+    sort_watched(&mut keys, monitor)?;
+    let mut looks = Looks::at(monitor);
+    for cell in keys.chunk_by(|a, b| a.0 == b.0) {
+        looks.steps(cell.len())?;
+        let (index, z) = cell[(params.percentile * (cell.len() - 1) as f64) as usize];
+        raster.values_mut()[index as usize] = f64::from(descended(z)) + frame.origin[2];
+    }
+    Ok(raster)
+}
+
+fn smoothed(raster: Raster, params: &ElevationParams, monitor: &Monitor) -> Result<Raster> {
+    if params.median == 1 { Ok(raster) } else { median(raster, params.median, monitor) }
 }
 
 /// Checks that a mask has one value a point.

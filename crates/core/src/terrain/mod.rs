@@ -7,6 +7,7 @@ mod descriptors;
 mod elevation;
 mod ground_filter;
 mod holes;
+mod membrane;
 mod position;
 mod products;
 mod road;

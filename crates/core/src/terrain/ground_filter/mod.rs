@@ -1,7 +1,6 @@
 //! Ground filter: finds the ground points from coordinates alone.
 
 mod blur;
-mod membrane;
 mod morphological;
 mod params;
 mod refined;

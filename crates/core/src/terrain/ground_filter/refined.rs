@@ -3,13 +3,13 @@
 
 use super::GroundParams;
 use super::blur::blurred;
-use super::membrane::membrane;
 use super::morphological::prominence;
 use super::roofs::without_roofs;
 use super::steepness;
 use crate::cloud::Raster;
 use crate::error::Result;
 use crate::parallel::Monitor;
+use crate::terrain::membrane::membrane;
 
 /// Cells on either side over which the terrain is averaged (twice) for its slope.
 const AROUND: usize = 4;

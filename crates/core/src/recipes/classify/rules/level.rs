@@ -14,10 +14,10 @@ use serde::{Deserialize, Serialize};
 /// When a building is level with the ground around it.
 ///
 /// Cells in plan that hold building points are joined to components, 8 neighbours a cell, unless their highest building
-/// points differ by more than the edge of a cell (and `step`): ground beside a house that was named building is no part of the
-/// house. In thin clouds, which have larger cells, all are joined. Each pair of a building cell and a neighbour that holds
-/// ground, but no building, is level, drops, or does not count: by the step from the building point to the ground point that
-/// are nearest in plan. Building points more than 1 m below the highest of their cell, which may lie on a wall, are left out,
+/// points differ by more than the edge of a cell (and `step`; in thin clouds, which have larger cells, 1.5 edges): ground
+/// beside a house that was named building is no part of the house. Each pair of a building cell and a neighbour that holds
+/// ground, but no building, and each building cell that holds ground itself, is level, drops, or does not count: by the step
+/// from the building point to the ground point that are nearest in plan. Building points more than 1 m below the highest of their cell, which may lie on a wall, are left out,
 /// and so are pairs whose points are more than the edge of a cell apart.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -41,23 +41,48 @@ pub struct LevelParams {
 
 impl Default for LevelParams {
     fn default() -> Self {
-        Self { share: 0.6, ground: 0.9, step: 0.5, slope: 0.75, drop: 1.5, pairs: 3, cell: 1.0 }
+        Self { share: 0.55, ground: 0.9, step: 0.5, slope: 0.75, drop: 1.5, pairs: 3, cell: 1.0 }
     }
 }
 
-/// Rows of building points that are level with the ground around them, each ascending by cell.
+/// Rows of building points by the ground around them, each ascending by cell.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct LevelRows {
     /// Those that are ground.
     pub(super) ground: Vec<u32>,
     /// Those that may be a deck or a terrace.
     pub(super) unknown: Vec<u32>,
+    /// Others, which stand above the ground on most sides.
+    pub(super) standing: Vec<u32>,
+}
+
+impl LevelRows {
+    /// These rows, but those that stand by what is known `later`, and the rows that only then are level; `points` is the number
+    /// of all rows.
+    pub(super) fn revised(self, later: Self, points: usize) -> Self {
+        let marked = |lists: &[&Vec<u32>]| {
+            let mut marks = vec![false; points];
+            lists.iter().copied().flatten().for_each(|&row| marks[row as usize] = true);
+            marks
+        };
+        let (found, standing) = (marked(&[&self.ground, &self.unknown]), marked(&[&later.standing]));
+        let without = |rows: Vec<u32>, marks: &[bool]| -> Vec<u32> {
+            rows.into_iter().filter(|&row| !marks[row as usize]).collect()
+        };
+        Self {
+            ground: [without(self.ground, &standing), without(later.ground, &found)].concat(),
+            unknown: [without(self.unknown, &standing), without(later.unknown, &found)].concat(),
+            standing: later.standing,
+        }
+    }
 }
 
 /// Building points lower than this below the highest of their cell may be of a wall, metres.
 const WALL: f32 = 1.0;
 /// Slope from which on a step is a wall.
 const STEEP: f64 = 1.0;
+/// Slope from which on cells of thin clouds are not of one roof.
+const ROOF: f64 = 1.5;
 /// Points of a cell that are compared with those of another, about at most.
 const SAMPLES: usize = 16;
 
@@ -157,6 +182,11 @@ impl LevelParams {
 }
 
 impl Scene<'_> {
+    /// Whether the cells are larger than the least edge, as in thin clouds.
+    fn wide(&self) -> bool {
+        self.edge > self.params.cell
+    }
+
     /// The rows of a cell.
     fn rows(&self, cell: usize) -> impl Iterator<Item = u32> {
         self.cells.of(cell).iter().map(|&i| self.used[i as usize])
@@ -165,6 +195,11 @@ impl Scene<'_> {
     /// The rows of a cell that are building.
     fn buildings(&self, cell: usize) -> impl Iterator<Item = u32> {
         self.rows(cell).filter(|&row| self.codes[self.points.frame.index[row as usize] as usize] == BUILDING)
+    }
+
+    /// The rows of a cell that are ground.
+    fn grounds(&self, cell: usize) -> impl Iterator<Item = u32> {
+        self.rows(cell).filter(|&row| self.codes[self.points.frame.index[row as usize] as usize] == GROUND)
     }
 
     /// Some of these points.
@@ -192,7 +227,11 @@ impl Scene<'_> {
         for cell in (0..self.building.len()).filter(|&cell| self.building[cell]) {
             let Pairs { level, drop } = pairs[components.root(cell as u32) as usize];
             let more_than = |share: f64| level as f64 > share * (level + drop) as f64;
-            if level < self.params.pairs.max(1) || !more_than(self.params.share) {
+            let least = self.params.pairs.max(1);
+            if drop >= least && !more_than(self.params.share) {
+                found.standing.extend(self.buildings(cell));
+            }
+            if level < least || !more_than(self.params.share) {
                 continue;
             }
             let z = |row: u32| self.points.positions.z[row as usize];
@@ -212,9 +251,8 @@ impl Scene<'_> {
         let mut own = vec![Pairs::default(); self.building.len()];
         if !self.building.is_empty() {
             let highest: Vec<f32> = (0..self.building.len()).map(|cell| self.highest(cell)).collect();
-            // In thin clouds, whose cells are larger, the highest points of neighbours differ on any roof.
-            let wide = self.edge > self.params.cell;
-            let joined = if wide { f64::INFINITY } else { self.params.step.max(STEEP * self.edge) };
+            // In thin clouds the highest points of neighbours differ more on any roof.
+            let joined = self.params.step.max(if self.wide() { ROOF } else { STEEP } * self.edge);
             let mut walk = Walk::<1>::new(&self.cells.keys, 0);
             for piece in watched(self.building.len(), monitor) {
                 for cell in piece?.filter(|&cell| self.building[cell]) {
@@ -229,6 +267,10 @@ impl Scene<'_> {
                             own[cell].count(self.params, step, self.edge);
                         }
                     });
+                    let below = self.sample(self.grounds(cell), f32::MIN);
+                    if let Some(step) = Step::shortest(&top, &below) {
+                        own[cell].count(self.params, step, self.edge);
+                    }
                 }
             }
         }
@@ -287,7 +329,7 @@ mod tests {
         assert_eq!(found(&bridge), [0, named(&bridge)]);
         // With every pair level it takes more than a share of 1.
         let none = LevelParams::none().rows(&bridge.0, &bridge.1, 4.0, &Monitor::default()).unwrap();
-        assert_eq!(none, LevelRows::default());
+        assert!(none.ground.is_empty() && none.unknown.is_empty());
     }
 
     #[test]

@@ -101,8 +101,8 @@ pub struct ClassRules {
     /// Ground (2) that is water becomes unclassified, or water (9), where it is found. Only for models with the ASPRS class 2
     /// and 5 or 6, but not 9.
     pub water: WaterParams,
-    /// Vegetation, buildings (3 to 6) and unclassified points that are wires become wires (14). Only for models with the ASPRS classes 2 and 5,
-    /// but not 14.
+    /// Vegetation, buildings (3 to 6) and unclassified points that are wires become wires (14). Only for models with the
+    /// ASPRS classes 2 and 5, but not 14.
     pub wires: WireParams,
     /// Vegetation and buildings (3 to 6) that are cars become unclassified. Only for models that know cars.
     pub cars: CarParams,
@@ -114,6 +114,14 @@ pub struct ClassRules {
     pub isolated: usize,
     /// Edge of these voxels, metres; above 0.
     pub noise_voxel: f64,
+}
+
+/// What is known when ground and buildings are divided.
+struct Divided {
+    /// Of each row of the points above those named ground, metres.
+    heights: Vec<f32>,
+    /// Rows of buildings that may be a deck or a terrace.
+    unknown: Vec<u32>,
 }
 
 impl Default for ClassRules {
@@ -260,20 +268,14 @@ impl ClassRules {
         monitor: &Monitor,
     ) -> Result<Vec<u32>> {
         let index = &points.frame.index;
-        // Looked for before low parts of buildings become ground, for these are level with it.
-        let level = match self.levels(classes) {
-            true => self.level.rows(points, &result.codes, result.density, monitor)?,
-            false => LevelRows::default(),
-        };
-        level.ground.iter().for_each(|&row| result.codes[index[row as usize] as usize] = GROUND);
-        let heights = self.by_height(result, classes, points, monitor)?;
-        // Looked for afterwards, for at its ends a deck reaches the ground.
+        let Divided { heights, unknown } = self.divided(result, classes, points, monitor)?;
+        // For at its ends a deck reaches the ground.
         let decks = match self.finds_decks(classes) {
             true => self.decks.rows(points, &result.codes, result.density, monitor)?,
             false => Vec::new(),
         };
         let free = classes.free_code();
-        for row in level.unknown.into_iter().chain(decks) {
+        for row in unknown.into_iter().chain(decks) {
             let code = &mut result.codes[index[row as usize] as usize];
             *code = if *code == BUILDING { free } else { *code };
         }
@@ -305,6 +307,33 @@ impl ClassRules {
             return Ok(found);
         }
         Ok(Vec::new())
+    }
+
+    /// Divides ground from buildings, and vegetation by its height.
+    fn divided(
+        &self,
+        result: &mut Classified,
+        classes: &ClassTable,
+        points: &Points,
+        monitor: &Monitor,
+    ) -> Result<Divided> {
+        let index = &points.frame.index;
+        let named = result.codes.clone();
+        let mut heights = self.by_height(result, classes, points, monitor)?;
+        let level = match self.levels(classes) {
+            true => {
+                let found = |codes: &[u8]| self.level.rows(points, codes, result.density, monitor);
+                // Ground that was named building joins the houses beside it to the ground, until it is ground again.
+                found(&named)?.revised(found(&result.codes)?, points.len())
+            }
+            false => LevelRows::default(),
+        };
+        if !level.ground.is_empty() {
+            result.codes = named;
+            level.ground.iter().for_each(|&row| result.codes[index[row as usize] as usize] = GROUND);
+            heights = self.by_height(result, classes, points, monitor)?;
+        }
+        Ok(Divided { heights, unknown: level.unknown })
     }
 
     /// The rules that need the height above the points that are named ground; returns these heights.
