@@ -77,7 +77,7 @@ fn open(cloud: &Cloud) -> &'static [u8] {
 fn keep(kept: &[u8], cloud: &Cloud, codes: &mut [u8]) {
     let Some(old) = cloud.column(names::CLASSIFICATION).map(|column| &column.values) else { return };
     for (i, code) in codes.iter_mut().enumerate() {
-        if let Some(&same) = kept.iter().find(|&&kept| f64::from(kept) == old.get(i)) {
+        if let Some(&same) = kept.iter().find(|&&kept| (f64::from(kept) - old.get(i)).abs() < 0.5) {
             *code = same;
         }
     }
