@@ -4,7 +4,7 @@ use scansion_tests::{demo_scan, street};
 use std::path::Path;
 use std::process::Command;
 
-scansion_tests::program!(scansion, done, fails);
+scansion_tests::program!(scansion, done, ends, fails);
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
