@@ -20,11 +20,16 @@ def village(x, y):
     return np.where(house, 8 - 0.6 * np.abs(v - 15), 0.02 * x)
 
 
-def hillside(x, y):
-    """The same houses, with level eaves, on a slope of 17 degrees."""
+def hillside(x, y, slope=0.3):
+    """The same houses, with level eaves, on a slope."""
     u, v = x % 40, y % 40
     house = (u > 10) & (u < 22) & (v > 10) & (v < 20)
-    return np.where(house, 0.3 * (np.floor(x / 40) * 40 + 22) + 6 - 0.6 * np.abs(v - 15), 0.3 * x)
+    return np.where(house, slope * (np.floor(x / 40) * 40 + 22) + 6 - 0.6 * np.abs(v - 15), slope * x)
+
+
+def pit(x, y, edge=75):
+    """With terraces of 15 m on four sides, as far as this from the middle."""
+    return 12 * np.floor(np.minimum(np.maximum(np.abs(x - 75), np.abs(y - 75)), edge) / 15)
 
 
 def terraces(x, y):
@@ -72,7 +77,9 @@ SCENES = {
     "bridge over a road in a cutting": lambda x, y: np.where(deck(x, y), 0, -depth(x)),
     "dam across a cutting, sides of 45 degrees": lambda x, y: -np.minimum(depth(x), np.clip(np.abs(y - 75) - 5, 0, None)),
     "village on a slope of 17 degrees": hillside,
-    "quarry, a square pit, terraces of 15 m": lambda x, y: 12 * np.floor(np.maximum(np.abs(x - 75), np.abs(y - 75)) / 15),
+    "village on a slope of 27 degrees": lambda x, y: hillside(x, y, 0.5),
+    "quarry, a square pit, terraces of 15 m": pit,
+    "quarry, such a pit of 90 m in a field": lambda x, y: pit(x, y, 45),
 }
 #: Where water mirrors eight of nine pulses away.
 MIRRORS = {

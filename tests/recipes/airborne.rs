@@ -108,6 +108,16 @@ fn the_built_in_model_finds_wires_over_a_field() {
     assert!(share(&found[field..], |_| 14) > 0.97, "{}", share(&found[field..], |_| 14));
 }
 
+/// The cloud with heights that count downwards.
+fn upside_down(cloud: &Cloud) -> Cloud {
+    let rows: Vec<[f64; 3]> = (0..cloud.len()).map(|i| cloud.xyz(i)).map(|[x, y, z]| [x, y, -z]).collect();
+    let mut turned = Cloud::from_rows(&rows).unwrap();
+    for name in ["ReturnNumber", "NumberOfReturns"] {
+        turned.set_column(cloud.column(name).unwrap().clone()).unwrap();
+    }
+    turned
+}
+
 #[test]
 fn the_built_in_model_finds_walls_and_roofs_of_the_demo() {
     let mut cloud = io::read(&demo_scan()).unwrap();
@@ -118,8 +128,11 @@ fn the_built_in_model_finds_walls_and_roofs_of_the_demo() {
         let confusion = Confusion::from_options(&truth, &run(cloud, &model, &plain()).codes).unwrap();
         confusion.scores().labels.iter().map(|class| class.intersection_over_union).collect::<Vec<f64>>()
     };
+    assert_eq!(recipes::builtin_misfit(&run(&cloud, &model, &plain())), None);
     let with_returns = iou(&cloud);
     assert!(with_returns.iter().all(|&iou| iou > 0.9), "{with_returns:?}");
+    let why = recipes::builtin_misfit(&run(&upside_down(&cloud), &model, &plain())).unwrap();
+    assert!(why.contains("heights are upside down"), "{why}");
     for name in ["ReturnNumber", "NumberOfReturns"] {
         cloud.take_column(name);
     }

@@ -15,6 +15,9 @@ const DENSEST: f64 = 2000.0;
 /// [`Classified::density_spread`] of scans from the ground: those of streets have 1.8 and more, airborne scans up to 1.3.
 const UNEVEN: f64 = 1.5;
 
+/// Share of squares whose first returns lie above the last ones: eight airborne scans have 0.97 and more.
+const FALLING: f64 = 0.5;
+
 /// Mean confidence below which the built-in model does not know a cloud. Airborne scans have 0.8 to 0.98, those of slopes above
 /// 20 degrees less.
 const LEAST_CONFIDENCE: f64 = 0.7;
@@ -29,7 +32,10 @@ pub fn builtin_misfit(result: &Classified) -> Option<String> {
     let uneven = (result.density_spread > UNEVEN).then(|| {
         "the density falls off everywhere, as around a scanner on the ground (airborne and UAV scans are even)".into()
     });
-    let reasons: Vec<String> = [confidence, dense, uneven].into_iter().flatten().collect();
+    let turned = result.returns_falling.filter(|&share| share < FALLING);
+    let turned =
+        turned.map(|_| "the last returns of its pulses lie above the first ones: its heights are upside down".into());
+    let reasons: Vec<String> = [confidence, dense, uneven, turned].into_iter().flatten().collect();
     (!reasons.is_empty()).then(|| {
         format!(
             "the built-in model is for airborne and UAV scans and does not know this cloud: {}",

@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use crate::recipes::classify::candidates::Candidates;
 use crate::recipes::classify::predict::{CloudPredictor, ContextColumns, Group, Rating};
+use crate::recipes::classify::returns::falling;
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::regularise::{Probabilities, Regularise, regularise};
 use crate::recipes::system::System;
@@ -33,6 +34,7 @@ pub(super) fn classify(recipe: &AutoContextRecipe, job: &Job<'_>, monitor: &Moni
     let points = job.scene.points(monitor)?;
     let heights = heights(job.scene, &points, recipe, monitor)?;
     let density = PlanarDensity::new(&points.positions, monitor)?;
+    let returns_falling = falling(job.scene, &points, monitor)?;
     drop(points);
     let scene = MetricCloud { heights: Some(&heights), ..job.scene.clone() };
     let (first, rated) = first_stage(recipe, model, &scene, monitor)?;
@@ -51,14 +53,14 @@ pub(super) fn classify(recipe: &AutoContextRecipe, job: &Job<'_>, monitor: &Moni
         let own = second.run(place, monitor)?;
         result.take_density(density);
         result.warnings = job.warnings(result.density, monitor)?;
-        return Ok(Classified { cars, ..result }.compared(fit.or(own.shares())));
+        return Ok(Classified { cars, returns_falling, ..result }.compared(fit.or(own.shares())));
     }
     let points = job.scene.points(monitor)?;
     let found = second.of_points(&points.frame.rows(scene.cloud.len()), points.len(), monitor)?;
     points.frame.index.iter().zip(&found.cars).for_each(|(&point, &car)| cars[point as usize] = car);
     let given = Probabilities { values: &found.probabilities, classes: codes.len() };
     let labels = regularise(&points.positions, given, job.regularise, monitor)?;
-    Ok(Classified { cars, ..job.decided(&points, &labels, monitor)? }.compared(fit))
+    Ok(Classified { cars, returns_falling, ..job.decided(&points, &labels, monitor)? }.compared(fit))
 }
 
 /// What the first stage of a model says about each point of a cloud with heights, and the features of the cloud, for the

@@ -2,6 +2,7 @@
 
 pub(in crate::recipes) mod candidates;
 pub(in crate::recipes) mod predict;
+pub(in crate::recipes) mod returns;
 pub(in crate::recipes) mod rules;
 pub(in crate::recipes) mod statistics;
 
@@ -75,6 +76,9 @@ pub struct Classified {
     /// How unevenly they cover it: the least ratio between the neighbouring quantiles 10, 30, 50, 70 and 90 % of the points per
     /// square of 2 m. Airborne scans have up to 1.3, scans from the ground 1.8 and more; 1 for clouds of less than 400 m².
     pub density_spread: f64,
+    /// Share of the squares of 2 m in which the first of several returns lie above the last ones: scans from above have 0.97 and
+    /// more. `None` if the recipe does not look at returns, the cloud has no numbers of returns, or too few to say.
+    pub returns_falling: Option<f64>,
     /// Warnings for the user: another density than in training, points that are not finite.
     pub warnings: Vec<String>,
 }
@@ -215,6 +219,7 @@ impl Classified {
             fit: None,
             density: 0.0,
             density_spread: 1.0,
+            returns_falling: None,
             warnings: Vec::new(),
         }
     }
