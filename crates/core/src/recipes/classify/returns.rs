@@ -36,9 +36,9 @@ pub(in crate::recipes) fn falling(scene: &MetricCloud<'_>, points: &Points, moni
         let row = i * stride;
         let [x, y, height] = points.positions.xyz(row);
         let point = points.frame.index[row] as usize;
-        let (number, all) = (number.get(point), all.get(point));
+        let (number, all) = (number.get(point) as u8, all.get(point) as u8);
         let square = cell_of([x, y].map(|v| f64::from(v) / EDGE));
-        (all > 1.0 && (number == 1.0 || number == all)).then_some(Return { square, height, first: number < all })
+        (all > 1 && (number == 1 || number == all)).then_some(Return { square, height, first: number < all })
     };
     let mut returns: Vec<Return> =
         map_watched(points.len().div_ceil(stride), monitor, returned)?.into_iter().flatten().collect();
