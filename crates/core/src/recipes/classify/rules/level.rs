@@ -17,8 +17,8 @@ use serde::{Deserialize, Serialize};
 /// points differ by more than the edge of a cell (and `step`; in thin clouds, which have larger cells, 1.5 edges): ground
 /// beside a house that was named building is no part of the house. Each pair of a building cell and a neighbour that holds
 /// ground, but no building, and each building cell that holds ground itself, is level, drops, or does not count: by the step
-/// from the building point to the ground point that are nearest in plan. Building points more than 1 m below the highest of their cell, which may lie on a wall, are left out,
-/// and so are pairs whose points are more than the edge of a cell apart.
+/// from the building point to the ground point that are nearest in plan. Building points more than 1 m below the highest of
+/// their cell, which may lie on a wall, are left out, and so are pairs whose points are more than the edge of a cell apart.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LevelParams {
