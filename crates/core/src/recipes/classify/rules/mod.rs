@@ -434,6 +434,34 @@ mod tests {
         assert!(ClassRules { abstain: 1.5, ..rules }.validate().is_err());
     }
 
+    #[test]
+    fn a_house_on_a_slope_stays_building_in_thin_clouds_and_the_ground_around_it_becomes_ground() {
+        let slope = |x: f64| 0.5 * x;
+        let inside = |x: f64, y: f64, reach: f64| (x - 50.0).abs() < 6.0 + reach && (y - 30.0).abs() < 5.0 + reach;
+        // 0.7 points a square metre, by the sequence of Roberts 2018 with the plastic number.
+        let place =
+            |i: u32| [100.0 * (f64::from(i) * 0.754_877_666).fract(), 60.0 * (f64::from(i) * 0.569_840_291).fract()];
+        let rows: Vec<[f64; 3]> = (0..4200)
+            .map(place)
+            .map(|[x, y]| [x, y, if inside(x, y, 0.0) { slope(50.0) + 6.0 } else { slope(x) }])
+            .collect();
+        // Ground up to 8 m beside the house was named building.
+        let codes = rows.iter().map(|&[x, y, _]| if inside(x, y, 8.0) { BUILDING } else { GROUND }).collect();
+        let cloud = Cloud::from_rows(&rows).unwrap();
+        let scene = MetricCloud::new(&cloud, None, &Monitor::default()).unwrap();
+        let mut result = Classified { codes, confidence: vec![1.0; 4200], density: 0.7, ..Classified::default() };
+        let rules = ClassRules { level: LevelParams::default(), lowest_building: 0.3, ..ClassRules::default() };
+        rules.apply(&mut result, &ClassTable::from_codes(&[2, 5, 6]), &scene, &Monitor::default()).unwrap();
+        let share = |of_house: bool, code: u8| {
+            let those = rows.iter().zip(&result.codes).filter(|(row, _)| inside(row[0], row[1], 0.0) == of_house);
+            let (all, found) =
+                those.fold((0, 0), |(all, found), (_, &own)| (all + 1, found + usize::from(own == code)));
+            f64::from(found as u32) / f64::from(all)
+        };
+        let (house, ground) = (share(true, BUILDING), share(false, GROUND));
+        assert!(house > 0.95 && ground > 0.95, "{house} {ground}");
+    }
+
     /// Codes of 120 x 60 m, 4 points a square metre, by the rules: a bridge, named building, over a ditch, and a pond with few
     /// returns in the ground.
     fn bridge_and_pond(rules: &ClassRules) -> [Vec<u8>; 3] {
