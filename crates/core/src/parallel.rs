@@ -341,6 +341,30 @@ pub fn map_ordered_with<S: Send, T: Send>(
     in_slots(items, 4, one).collect()
 }
 
+/// Fills a list in parallel, in parts of `size` items, of which the last may have fewer; the kernel gets the number of the
+/// part. After cancellation the remaining parts are skipped.
+///
+/// # Errors
+/// If the work was cancelled.
+pub fn fill_parts<T: Send>(
+    items: &mut [T],
+    size: usize,
+    monitor: &Monitor,
+    kernel: impl Fn(usize, &mut [T]) + Sync,
+) -> Result<()> {
+    each_part(items, size.max(1), &|number, part| {
+        if !monitor.is_cancelled() {
+            kernel(number, part);
+        }
+    });
+    monitor.check()
+}
+
+/// Calls `work` with each part of a list in parallel, and its number.
+fn each_part<T: Send>(items: &mut [T], size: usize, work: &(dyn Fn(usize, &mut [T]) + Sync)) {
+    items.par_chunks_mut(size).enumerate().for_each(|(number, part)| work(number, part));
+}
+
 /// Maps fixed chunks of `0..len` in parallel and folds their results in order; independent of the number of threads.
 pub fn fold_ordered<T: Send>(
     len: usize,
@@ -364,6 +388,17 @@ mod tests {
         let sum = || fold_ordered(values.len(), 128, |r| values[r].iter().sum::<f64>(), |a, b| a + b).unwrap();
         let with = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap().install(sum);
         assert_eq!(with(1).to_bits(), with(3).to_bits());
+    }
+
+    #[test]
+    fn parts_are_filled_by_their_number_until_the_work_is_cancelled() {
+        let monitor = Monitor::default();
+        let mut items = vec![0; 25];
+        fill_parts(&mut items, 10, &monitor, |number, part| part.fill(10 * number + part.len())).unwrap();
+        assert!(items.iter().enumerate().all(|(i, &item)| item == [10, 20, 25][i / 10]));
+        monitor.cancel();
+        assert!(fill_parts(&mut items, 10, &monitor, |_, part| part.fill(0)).is_err());
+        assert_eq!(items[24], 25);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::membrane::membrane;
 use super::smooth::{fill_holes, median};
 use crate::cloud::{Points, Raster};
 use crate::error::{Error, Result};
-use crate::parallel::{Looks, Monitor, concat_watched, map_ordered, sort_watched};
+use crate::parallel::{Looks, Monitor, concat_watched, fill_parts, map_ordered, sort_watched};
 use serde::{Deserialize, Serialize};
 
 /// Points of a block.
@@ -122,15 +122,14 @@ impl ElevationModel {
                  those above its border"
             ));
         }
-        let parts = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
-            let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
-            let above = |i: usize| {
+        let mut heights = vec![0.0; points.len()];
+        fill_parts(&mut heights, BLOCK, monitor, |block, part| {
+            for (height, i) in part.iter_mut().zip(block * BLOCK..) {
                 let [x, y, z] = points.world(i);
-                (z - self.ground([x, y])) as f32
-            };
-            Ok(range.map(above).collect::<Vec<f32>>())
+                *height = (z - self.ground([x, y])) as f32;
+            }
         })?;
-        concat_watched(parts, monitor)
+        Ok(heights)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::cloud::Raster;
 use crate::error::Result;
-use crate::parallel::{Monitor, concat_watched, map_ordered};
+use crate::parallel::{Monitor, concat_watched, fill_parts, map_ordered};
 
 /// Relaxations of each level, after those of the coarser ones. In holes of tens of cells the height is then within a few
 /// per cent of the difference between their edges from that of the membrane.
@@ -26,17 +26,22 @@ pub(super) fn membrane(raster: Raster, monitor: &Monitor) -> Result<Raster> {
     }
     let coarse = membrane(halved(&raster, monitor)?, monitor)?;
     let hole: Vec<bool> = raster.values().iter().map(|v| v.is_nan()).collect();
-    let start = map_ordered(raster.rows(), monitor, |r| {
-        let y = coarse.origin()[1] + (r as f64 + 0.5) * raster.cell();
-        let at = |c: usize| coarse.bilinear([coarse.origin()[0] + (c as f64 + 0.5) * raster.cell(), y]);
-        let row = raster.values()[r * raster.columns()..][..raster.columns()].iter().enumerate();
-        Ok(row.map(|(c, v)| if v.is_nan() { at(c) } else { *v }).collect::<Vec<f64>>())
+    let mut start = raster;
+    let (cell, columns) = (start.cell(), start.columns());
+    fill_parts(start.values_mut(), columns, monitor, |r, row| {
+        let y = coarse.origin()[1] + (r as f64 + 0.5) * cell;
+        let at = |c: usize| coarse.bilinear([coarse.origin()[0] + (c as f64 + 0.5) * cell, y]);
+        row.iter_mut().enumerate().filter(|(_, v)| v.is_nan()).for_each(|(c, v)| *v = at(c));
     })?;
     drop(coarse);
-    let start = raster.with_values(concat_watched(start, monitor)?);
-    let parts = map_ordered(start.rows().div_ceil(ROWS), monitor, |part| Ok(relaxed(&start, &hole, part)))?;
-    let relaxed = concat_watched(parts, monitor)?;
-    Ok(start.with_values(relaxed))
+    let parts = start.rows().div_ceil(ROWS);
+    let relaxed = map_ordered(parts, monitor, |part| Ok(relaxed(&start, &hole, part)))?;
+    for (part, heights) in relaxed.into_iter().enumerate() {
+        let first = part * ROWS * columns;
+        let holes = start.values_mut()[first..].iter_mut().zip(&hole[first..]).filter(|(_, hole)| **hole);
+        holes.zip(heights).for_each(|((value, _), height)| *value = height);
+    }
+    Ok(start)
 }
 
 /// The raster with cells of twice the edge, each the mean of the heights in it.
@@ -55,7 +60,7 @@ fn halved(raster: &Raster, monitor: &Monitor) -> Result<Raster> {
     Raster::new(raster.origin(), 2.0 * raster.cell(), columns.div_ceil(2), concat_watched(lines, monitor)?)
 }
 
-/// Some rows of the start, relaxed at the holes. The rows around that the sweeps reach are relaxed too, so that the
+/// The heights of the holes in some rows, relaxed from the start. The rows around that the sweeps reach are relaxed too, so that the
 /// result does not depend on the division into parts.
 fn relaxed(start: &Raster, hole: &[bool], part: usize) -> Vec<f64> {
     let (rows, columns) = (start.rows(), start.columns());
@@ -76,7 +81,8 @@ fn relaxed(start: &Raster, hole: &[bool], part: usize) -> Vec<f64> {
         }
         std::mem::swap(&mut old, &mut new);
     }
-    old[(part.start - low) * columns..(part.end - low) * columns].to_vec()
+    let own = (part.start - low) * columns..(part.end - low) * columns;
+    holes.into_iter().filter(|i| own.contains(i)).map(|i| old[i]).collect()
 }
 
 #[cfg(test)]

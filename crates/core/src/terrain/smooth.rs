@@ -3,7 +3,7 @@
 use super::holes::nearest_filled;
 use crate::cloud::Raster;
 use crate::error::{Error, Result};
-use crate::parallel::{Monitor, concat_watched, map_ordered};
+use crate::parallel::{Monitor, fill_parts};
 
 /// Every hole takes the nearest height (distance between centres; ties are broken deterministically). O(cells).
 ///
@@ -27,7 +27,8 @@ pub fn fill_holes(raster: Raster, monitor: &Monitor) -> Result<Raster> {
 /// If the work was cancelled.
 pub(super) fn median(raster: Raster, width: usize, monitor: &Monitor) -> Result<Raster> {
     let (rows, columns, reach) = (raster.rows(), raster.columns(), width / 2);
-    let smooth = map_ordered(rows, monitor, |r| {
+    let mut smooth = vec![0.0; rows * columns];
+    fill_parts(&mut smooth, columns, monitor, |r, line| {
         let up = reach.min(r).min(rows - 1 - r);
         let mut window = Vec::with_capacity(width * width);
         let middle = |c: usize| {
@@ -39,9 +40,9 @@ pub(super) fn median(raster: Raster, width: usize, monitor: &Monitor) -> Result<
             window.sort_unstable_by(f64::total_cmp);
             window[window.len() / 2]
         };
-        Ok((0..columns).map(middle).collect::<Vec<f64>>())
+        line.iter_mut().zip((0..columns).map(middle)).for_each(|(smooth, height)| *smooth = height);
     })?;
-    Ok(raster.with_values(concat_watched(smooth, monitor)?))
+    Ok(raster.with_values(smooth))
 }
 
 #[cfg(test)]

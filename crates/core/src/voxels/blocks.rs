@@ -1,7 +1,7 @@
 //! Occupied cells of a sparse grid, and the points in them.
 //!
-//! Cells are stored in blocks of 4 x 4 x 4: one bit a cell in a 64-bit word, in Morton order, and the number of
-//! occupied cells before the block. Blocks are found by a hash table with open addressing.
+//! Cells are stored in blocks of 4 x 4 x 4 (or 8 x 8 in plan): one bit a cell in a 64-bit word, in Morton order, and the number
+//! of occupied cells before the block. Blocks are found by a hash table with open addressing.
 
 use super::morton;
 use crate::error::Result;
@@ -19,7 +19,8 @@ pub(super) struct Blocks {
     table: Vec<u32>,
 }
 
-const NONE: u32 = u32::MAX;
+/// In place of a block: none.
+pub(super) const NONE: u32 = u32::MAX;
 /// Mask of the cells of a block whose index on that axis is 0.
 const SLAB: [u64; 3] = [0x0055_0055_0055_0055, 0x0000_3333_0000_3333, 0x0f0f_0f0f];
 

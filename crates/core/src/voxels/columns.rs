@@ -1,17 +1,18 @@
 //! The lowest and highest point of a level within a vertical column.
 
-use super::blocks::{Around, Blocks};
-use super::grid::Grid;
+use super::blocks::{Blocks, NONE};
 use super::level::Level;
 use super::morton;
 use crate::cloud::Positions;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_watched, sort_watched};
+use std::ops::Range;
 
 /// A level's points sorted by the cells of a horizontal grid with edge equal to the radius of the column.
 #[derive(Clone, Debug)]
 pub struct Columns {
     radius: f64,
+    /// Of 8 x 8 cells.
     blocks: Blocks,
     /// Points sorted by cell.
     order: Vec<u32>,
@@ -23,8 +24,7 @@ impl Columns {
     /// # Errors
     /// If the work was cancelled.
     pub fn new(level: &Level, radius: f64, monitor: &Monitor) -> Result<Self> {
-        let grid = Grid { size: radius };
-        let key = |i: usize| (grid.code([level.x[i], level.y[i], 0.0]), i as u32);
+        let key = |i: usize| (morton::encode_plane(cell_of([level.x[i], level.y[i]], radius)), i as u32);
         let mut keyed: Vec<(u64, u32)> = map_watched(level.len(), monitor, key)?;
         sort_watched(&mut keyed, monitor)?;
         let order = map_watched(keyed.len(), monitor, |i| keyed[i].1)?;
@@ -40,10 +40,60 @@ impl Columns {
     }
 }
 
+/// The cell of a place.
+#[inline(always)]
+fn cell_of(at: [f32; 2], radius: f64) -> [u32; 2] {
+    at.map(|v| (f64::from(v) / radius) as u32)
+}
+
+/// The nine blocks around a block, looked up once for all its queries.
+#[derive(Clone, Debug)]
+struct Near {
+    centre: [u32; 2],
+    blocks: [u32; 9],
+}
+
+impl Default for Near {
+    fn default() -> Self {
+        Self { centre: [u32::MAX; 2], blocks: [NONE; 9] }
+    }
+}
+
+impl Near {
+    /// Moves to the block that holds `cell`.
+    #[inline(always)]
+    fn move_to(&mut self, blocks: &Blocks, cell: [u32; 2]) {
+        let centre = cell.map(|c| c >> 3);
+        if centre == self.centre {
+            return;
+        }
+        self.centre = centre;
+        for (i, slot) in self.blocks.iter_mut().enumerate() {
+            let key = [centre[0] + i as u32 % 3, centre[1] + i as u32 / 3].map(|c| c.wrapping_sub(1));
+            let inside = key.iter().all(|&c| c < morton::LIMIT);
+            *slot = if inside { blocks.find(morton::encode_plane(key)).unwrap_or(NONE) } else { NONE };
+        }
+    }
+
+    /// The points of a cell at most 8 cells away from the current block. Indices outside the grid wrap around and find
+    /// nothing.
+    #[inline(always)]
+    fn cell(&self, blocks: &Blocks, cell: [u32; 2]) -> Range<usize> {
+        let offset = [0, 1].map(|a| (cell[a] >> 3).wrapping_add(1).wrapping_sub(self.centre[a]));
+        if offset.iter().any(|&o| o > 2) {
+            return 0..0;
+        }
+        match self.blocks[(offset[0] + 3 * offset[1]) as usize] {
+            NONE => 0..0,
+            block => blocks.cell(block, morton::encode_plane(cell.map(|c| c & 7)) as u32),
+        }
+    }
+}
+
 /// Scratch memory for the column searches of one thread.
 #[derive(Clone, Debug, Default)]
 pub struct ColumnSearch {
-    around: Around,
+    around: Near,
     cell: Option<[u32; 2]>,
     x: Vec<f32>,
     y: Vec<f32>,
@@ -56,7 +106,7 @@ impl ColumnSearch {
     /// Discards the gathered cells; to be called before another level is searched.
     pub fn reset(&mut self) {
         self.cell = None;
-        self.around = Around::default();
+        self.around = Near::default();
     }
 
     /// Lowest and highest z of the level's points within the radius of `at` horizontally, and of `at` itself.
@@ -92,7 +142,7 @@ impl ColumnSearch {
 
     #[inline(always)]
     fn move_to(&mut self, level: &Level, columns: &Columns, at: [f32; 3]) {
-        let cell = [at[0], at[1]].map(|v| (f64::from(v) / columns.radius) as u32);
+        let cell = cell_of([at[0], at[1]], columns.radius);
         if self.cell != Some(cell) {
             self.cell = Some(cell);
             self.gather(level, columns, cell);
@@ -101,13 +151,13 @@ impl ColumnSearch {
 
     #[inline(never)]
     fn gather(&mut self, level: &Level, columns: &Columns, cell: [u32; 2]) {
-        self.around.move_to(&columns.blocks, [cell[0], cell[1], 0]);
+        self.around.move_to(&columns.blocks, cell);
         self.x.clear();
         self.y.clear();
         self.z.clear();
         self.own = (f32::INFINITY, f32::NEG_INFINITY);
         for i in 0..9u32 {
-            let near = [(cell[0] + i % 3).wrapping_sub(1), (cell[1] + i / 3).wrapping_sub(1), 0];
+            let near = [(cell[0] + i % 3).wrapping_sub(1), (cell[1] + i / 3).wrapping_sub(1)];
             for &p in &columns.order[self.around.cell(&columns.blocks, near)] {
                 let (x, y, z) = (level.x[p as usize], level.y[p as usize], level.z[p as usize]);
                 self.x.push(x);
@@ -132,7 +182,7 @@ mod tests {
     use crate::cloud::{Cloud, Points};
     use crate::parallel::Monitor;
     use crate::random::stream;
-    use crate::voxels::{build_levels, sorted};
+    use crate::voxels::{Grid, build_levels, sorted};
 
     #[test]
     fn columns_equal_brute_force() {

@@ -17,6 +17,22 @@ pub fn decode(code: u64) -> [u32; 3] {
     [gather(code), gather(code >> 1), gather(code >> 2)]
 }
 
+/// Interleaves two indices below 2^32; x takes the lowest bit. A code shifted right by 2 is that of the enclosing cell.
+#[inline(always)]
+pub fn encode_plane(cell: [u32; 2]) -> u64 {
+    spread_plane(cell[0]) | spread_plane(cell[1]) << 1
+}
+
+#[inline(always)]
+fn spread_plane(index: u32) -> u64 {
+    let mut v = u64::from(index);
+    v = (v | v << 16) & 0x0000_ffff_0000_ffff;
+    v = (v | v << 8) & 0x00ff_00ff_00ff_00ff;
+    v = (v | v << 4) & 0x0f0f_0f0f_0f0f_0f0f;
+    v = (v | v << 2) & 0x3333_3333_3333_3333;
+    (v | v << 1) & 0x5555_5555_5555_5555
+}
+
 #[inline(always)]
 fn spread(index: u32) -> u64 {
     let mut v = u64::from(index) & 0x1f_ffff;
@@ -49,6 +65,12 @@ mod tests {
         for cell in [[0, 0, 0], [LIMIT - 1, 5, 77], [123_456, LIMIT - 1, 2_000_000]] {
             assert_eq!(decode(encode(cell)), cell);
             assert_eq!(decode(encode(cell) >> 3), cell.map(|c| c >> 1));
+        }
+        assert_eq!(encode_plane([3, 1]), 0b0111);
+        let bits = |index: u32| (0..32).fold(0u64, |sum, bit| sum | u64::from(index >> bit & 1) << (2 * bit));
+        for [x, y] in [[0, u32::MAX], [123_456, 99_999], [1 << 31, 5]] {
+            assert_eq!(encode_plane([x, y]), bits(x) | bits(y) << 1);
+            assert_eq!(encode_plane([x, y]) >> 2, encode_plane([x >> 1, y >> 1]));
         }
     }
 }

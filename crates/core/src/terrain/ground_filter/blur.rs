@@ -2,7 +2,7 @@
 
 use crate::cloud::Raster;
 use crate::error::Result;
-use crate::parallel::{Monitor, concat_watched, map_ordered};
+use crate::parallel::{Monitor, fill_parts};
 
 /// The average over squares of 2 · reach + 1 cells, twice; beyond the border the height is that of the border.
 /// O(cells · reach).
@@ -17,7 +17,8 @@ pub(super) fn blurred(raster: Raster, reach: usize, monitor: &Monitor) -> Result
 fn averaged(raster: Raster, reach: usize, monitor: &Monitor) -> Result<Raster> {
     let (rows, columns) = (raster.rows(), raster.columns());
     let share = 1.0 / ((2 * reach + 1) * (2 * reach + 1)) as f64;
-    let lines = map_ordered(rows, monitor, |r| {
+    let mut averages = vec![0.0; rows * columns];
+    fill_parts(&mut averages, columns, monitor, |r, line| {
         // Sums of columns, with `reach` cells of the border on both sides.
         let mut sums = vec![0.0; columns + 2 * reach];
         for step in 0..=2 * reach {
@@ -28,9 +29,10 @@ fn averaged(raster: Raster, reach: usize, monitor: &Monitor) -> Result<Raster> {
         let [first, last] = [sums[reach], sums[reach + columns - 1]];
         sums[..reach].fill(first);
         sums[reach + columns..].fill(last);
-        Ok(sums.windows(2 * reach + 1).map(|w| w.iter().sum::<f64>() * share).collect::<Vec<f64>>())
+        let windows = sums.windows(2 * reach + 1).map(|w| w.iter().sum::<f64>() * share);
+        line.iter_mut().zip(windows).for_each(|(average, own)| *average = own);
     })?;
-    Ok(raster.with_values(concat_watched(lines, monitor)?))
+    Ok(raster.with_values(averages))
 }
 
 #[cfg(test)]

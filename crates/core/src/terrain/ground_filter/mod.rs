@@ -15,7 +15,7 @@ use super::elevation::ElevationModel;
 use super::sites::by_site;
 use crate::cloud::{Points, Raster};
 use crate::error::{Error, Result};
-use crate::parallel::{Looks, Monitor, concat_watched, map_ordered};
+use crate::parallel::{Looks, Monitor, fill_parts, map_ordered};
 
 /// Points of a block.
 const BLOCK: usize = 16_384;
@@ -109,8 +109,11 @@ fn steepness(raster: &Raster, monitor: &Monitor) -> Result<Vec<f64>> {
         let (south, north) = (r.saturating_sub(1), (r + 1).min(rows - 1));
         let x = difference(r * columns + west, r * columns + east, east - west);
         let y = difference(south * columns + c, north * columns + c, north - south);
-        x.hypot(y)
+        (x * x + y * y).sqrt()
     };
-    let line = |r: usize| Ok((0..columns).map(|c| at(r, c)).collect::<Vec<f64>>());
-    concat_watched(map_ordered(rows, monitor, line)?, monitor)
+    let mut slopes = vec![0.0; z.len()];
+    fill_parts(&mut slopes, columns, monitor, |r, line| {
+        line.iter_mut().zip((0..columns).map(|c| at(r, c))).for_each(|(slope, own)| *slope = own);
+    })?;
+    Ok(slopes)
 }

@@ -128,7 +128,7 @@ impl Heights<'_> {
         let (low, high) = if z[a] <= z[b] { (a, b) } else { (b, a) };
         let columns = self.ground.columns();
         let apart = |f: fn(usize, usize) -> usize| f(a, columns).abs_diff(f(b, columns)) as f64;
-        let distance = apart(|i, n| i % n).hypot(apart(|i, n| i / n)) * self.ground.cell();
+        let distance = (apart(|i, n| i % n).powi(2) + apart(|i, n| i / n).powi(2)).sqrt() * self.ground.cell();
         let step = match z[high] - z[low] {
             _ if distance > FAR => Step::Between,
             height if height >= self.wall.max(STEEPEST * distance) => Step::Wall,

@@ -1,7 +1,7 @@
 //! Minimum, maximum, morphological opening and closing of heights in square and octagonal windows.
 
 use crate::error::Result;
-use crate::parallel::{Monitor, concat_watched, map_ordered};
+use crate::parallel::{Monitor, fill_parts};
 use std::ops::Range;
 
 /// Rows of a grid that are filtered together; those around them are needed too.
@@ -58,15 +58,15 @@ impl Window {
     }
 
     fn filtered(self, values: &[f64], extreme: Extreme, monitor: &Monitor) -> Result<Vec<f64>> {
-        let rows = values.len() / self.columns;
-        let parts = map_ordered(rows.div_ceil(ROWS), monitor, |part| {
-            let part = part * ROWS..((part + 1) * ROWS).min(rows);
-            Ok(match extreme {
-                Extreme::Least => self.of_rows(values, part, f64::INFINITY, |a, b| if a < b { a } else { b }),
-                Extreme::Greatest => self.of_rows(values, part, f64::NEG_INFINITY, |a, b| if a > b { a } else { b }),
-            })
+        let (rows, mut found) = (values.len() / self.columns, vec![0.0; values.len()]);
+        fill_parts(&mut found, ROWS * self.columns, monitor, |number, part| {
+            let own = number * ROWS..((number + 1) * ROWS).min(rows);
+            part.copy_from_slice(&match extreme {
+                Extreme::Least => self.of_rows(values, own, f64::INFINITY, |a, b| if a < b { a } else { b }),
+                Extreme::Greatest => self.of_rows(values, own, f64::NEG_INFINITY, |a, b| if a > b { a } else { b }),
+            });
         })?;
-        concat_watched(parts, monitor)
+        Ok(found)
     }
 
     /// The extreme values of some rows: first along all rows that their windows reach, then across them and along the

@@ -3,18 +3,21 @@
 use super::CellKey;
 use std::ops::Range;
 
-/// Entries of the table of slabs for each occupied cell, at most; with a larger extent an entry covers more slabs.
-const ENTRIES: i64 = 2;
+/// Entries of the table for each occupied cell, at most.
+const ENTRIES: i64 = 1;
 
-/// Keys of occupied cells, ascending, and where the cells of each slab begin: those with the same number on the first
-/// axis. A search looks at one slab only, which stays in the cache while the points asked for are neighbours.
+/// Keys of occupied cells, ascending, and a table of where they begin. An entry covers the cells of one slab, which have the
+/// same number on the first axis, and of some rows, numbers on the second axis; in a cloud that is much longer than dense, it
+/// covers several slabs and all rows. A search looks at one entry only, a few cells.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CellIndex<K> {
     keys: Vec<K>,
-    /// Number of the first slab.
-    first: i64,
-    /// An entry covers 2^shift slabs.
-    shift: u32,
+    /// Least number on each of the two axes.
+    first: [i64; 2],
+    /// An entry covers 2^shift numbers on each of the two axes.
+    shift: [u32; 2],
+    /// Entries of a slab.
+    rows: i64,
     /// First cell of each entry, and the number of cells.
     starts: Vec<u32>,
 }
@@ -24,31 +27,54 @@ impl<K: CellKey> CellIndex<K> {
     pub(crate) fn new(keys: Vec<K>) -> Self {
         let slab = |key: Option<&K>| key.map_or(0, |key| key.axes()[0]);
         let (first, last) = (slab(keys.first()), slab(keys.last()));
+        let on_second = || keys.iter().map(|key| key.axes()[1]);
+        let (low, high) = (on_second().min().unwrap_or(0), on_second().max().unwrap_or(0));
         let most = ENTRIES * (keys.len() as i64 + 1);
         let shift = (0..63).find(|shift| (last - first) >> shift < most).unwrap_or(63);
-        let mut starts = Vec::with_capacity(((last - first) >> shift) as usize + 2);
+        let slabs = ((last - first) >> shift) + 1;
+        let few = |shift: &u32| ((high - low) >> shift) < most / slabs;
+        let along = if shift == 0 { (0..63).find(few).unwrap_or(63) } else { 63 };
+        let rows = ((high - low) >> along) + 1;
+        let mut index = Self { keys: Vec::new(), first: [first, low], shift: [shift, along], rows, starts: Vec::new() };
+        index.starts.reserve_exact((slabs * rows) as usize + 1);
         for (cell, key) in keys.iter().enumerate() {
-            let entry = ((key.axes()[0] - first) >> shift) as usize;
-            starts.resize((entry + 1).max(starts.len()), cell as u32);
+            let entry = index.entry(key).map_or(0, |entry| entry as usize);
+            index.starts.resize((entry + 1).max(index.starts.len()), cell as u32);
         }
-        starts.push(keys.len() as u32);
-        Self { keys, first, shift, starts }
+        index.starts.push(keys.len() as u32);
+        index.keys = keys;
+        index
+    }
+
+    /// The entry of a key; that of the nearest row if the row is outside. `None` before the first slab.
+    #[inline(always)]
+    fn entry(&self, key: &K) -> Option<u64> {
+        let [x, y, ..] = key.axes();
+        let slab = u64::try_from((x - self.first[0]) >> self.shift[0]).ok()?;
+        let row = ((y - self.first[1]) >> self.shift[1]).clamp(0, self.rows - 1);
+        Some(slab * self.rows as u64 + row as u64)
+    }
+
+    /// The cells of an entry; none after the last.
+    #[inline(always)]
+    fn cells(&self, entry: u64) -> Option<Range<usize>> {
+        let entry = entry as usize;
+        Some(*self.starts.get(entry)? as usize..*self.starts.get(entry + 1)? as usize)
     }
 
     /// The cell of a key; `None` if it is empty.
+    #[inline(always)]
     pub(crate) fn find(&self, key: K) -> Option<usize> {
-        let entry = usize::try_from((key.axes()[0] - self.first) >> self.shift).ok()?;
-        let (start, end) = (*self.starts.get(entry)? as usize, *self.starts.get(entry + 1)? as usize);
-        self.keys[start..end].binary_search(&key).ok().map(|place| start + place)
+        let cells = self.cells(self.entry(&key)?)?;
+        let start = cells.start;
+        self.keys[cells].binary_search(&key).ok().map(|place| start + place)
     }
 
     /// The first cell that is not before this key; the number of cells if all are.
     pub(crate) fn seek(&self, key: K) -> usize {
-        let entry = (key.axes()[0] - self.first) >> self.shift;
-        let Ok(entry) = usize::try_from(entry) else { return 0 };
-        let Some(&end) = self.starts.get(entry + 1) else { return self.keys.len() };
-        let (start, end) = (self.starts[entry] as usize, end as usize);
-        start + self.keys[start..end].partition_point(|other| *other < key)
+        let Some(entry) = self.entry(&key) else { return 0 };
+        let Some(cells) = self.cells(entry) else { return self.keys.len() };
+        cells.start + self.keys[cells].partition_point(|other| *other < key)
     }
 
     /// The keys of all cells, ascending.

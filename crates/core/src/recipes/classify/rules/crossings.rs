@@ -3,7 +3,7 @@
 //!
 //! They keep their class, for culverts and steep dams look the same. Only a warning says where they are.
 
-use super::plan::{AXES, SPACINGS, block, cell_edge, groups, pieces, plan_cell, quantile};
+use super::plan::{AXES, SPACINGS, block, cell_edge, groups, length, pieces, plan_cell, quantile};
 use super::raised::Land;
 use super::{BUILDING, GROUND};
 use crate::error::Result;
@@ -254,8 +254,8 @@ impl Scene {
     }
 
     /// Metres to the next cell in a direction.
-    fn run(&self, [x, y]: [i32; 2]) -> f64 {
-        self.edge * f64::from(x).hypot(f64::from(y))
+    fn run(&self, step: [i32; 2]) -> f64 {
+        self.edge * length(step)
     }
 
     /// From the middle of a cell to that of another, metres.

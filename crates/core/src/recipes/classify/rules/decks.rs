@@ -1,7 +1,7 @@
 //! Decks of long bridges, which the trees take for roofs: long, narrow and smooth, level with the ground at both ends and
 //! high above it on both sides.
 
-use super::plan::{AXES, SPACINGS, block, cell_edge, plan_cell};
+use super::plan::{AXES, SPACINGS, block, cell_edge, length, plan_cell};
 use super::{BUILDING, GROUND};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
@@ -185,7 +185,7 @@ impl Scene<'_> {
     /// Whether the ground on two opposite sides of a building cell is lower.
     fn is_of_strip(&self, cell: usize) -> bool {
         let lower = |direction: [i32; 2], most: f64| {
-            let run = self.edge * f64::from(direction[0]).hypot(f64::from(direction[1]));
+            let run = self.edge * length(direction);
             let mut key = self.index.keys()[cell];
             let mut gap = 0;
             for steps in 1..=(most / run) as usize {

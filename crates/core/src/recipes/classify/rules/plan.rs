@@ -26,6 +26,12 @@ pub(super) fn block([x, y]: [i32; 2], reach: i32) -> impl Iterator<Item = [i32; 
     (-reach..=reach).flat_map(move |dx| (-reach..=reach).map(move |dy| [x.saturating_add(dx), y.saturating_add(dy)]))
 }
 
+/// Length of a step, in cells.
+#[inline]
+pub(super) fn length([x, y]: [i32; 2]) -> f64 {
+    (f64::from(x).powi(2) + f64::from(y).powi(2)).sqrt()
+}
+
 /// Four axes in plan.
 pub(super) const AXES: [[i32; 2]; 4] = [[1, 0], [0, 1], [1, 1], [1, -1]];
 /// Land is seen from a place this far away, at most, metres.
@@ -35,7 +41,7 @@ pub(super) const ACROSS: f64 = 100.0;
 /// of a scan. `edge` is that of cells, metres.
 pub(super) fn axes_with_land([x, y]: [i32; 2], edge: f64, is_land: impl Fn([i32; 2]) -> bool) -> usize {
     let seen = |[dx, dy]: [i32; 2]| {
-        let run = edge * f64::from(dx).hypot(f64::from(dy));
+        let run = edge * length([dx, dy]);
         (1..=(ACROSS / run) as i32).any(|step| is_land([x.saturating_add(step * dx), y.saturating_add(step * dy)]))
     };
     AXES.into_iter().filter(|&[dx, dy]| seen([dx, dy]) && seen([-dx, -dy])).count()
