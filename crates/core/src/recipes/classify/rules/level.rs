@@ -19,11 +19,15 @@ use serde::{Deserialize, Serialize};
 /// ground, but no building, and each building cell that holds ground itself, is level, drops, or does not count: by the step
 /// from the building point to the ground point that are nearest in plan. Building points more than 1 m below the highest of
 /// their cell, which may lie on a wall, are left out, and so are pairs whose points are more than the edge of a cell apart.
+/// A level pair is flush if its step is at most 0.15 m: the brink of a pit, a quarry or a quay is flush with the ground behind
+/// it and drops on the other side, while few roofs are flush with any ground.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LevelParams {
-    /// A component is no building if more than this share of its pairs that are level or drop are level; 0..=1. 1: none.
+    /// A component is no building if more than this share of its pairs that are level or drop are level; 0..=1. 1: by `flush` only.
     pub share: f64,
+    /// Nor if more than this share of them are flush; 0..=1. 1: by `share` only.
+    pub flush: f64,
     /// It is ground if more than this share are level, else unclassified; 0..=1. 1: never. Points higher than `drop` above
     /// the lowest of their cell are unclassified.
     pub ground: f64,
@@ -41,7 +45,7 @@ pub struct LevelParams {
 
 impl Default for LevelParams {
     fn default() -> Self {
-        Self { share: 0.55, ground: 0.9, step: 0.5, slope: 0.75, drop: 1.5, pairs: 3, cell: 1.0 }
+        Self { share: 0.55, flush: 0.35, ground: 0.9, step: 0.5, slope: 0.75, drop: 1.5, pairs: 3, cell: 1.0 }
     }
 }
 
@@ -79,6 +83,8 @@ impl LevelRows {
 
 /// Building points lower than this below the highest of their cell may be of a wall, metres.
 const WALL: f32 = 1.0;
+/// Largest step of a flush pair, metres.
+const FLUSH: f64 = 0.15;
 /// Slope from which on a step is a wall.
 const STEEP: f64 = 1.0;
 /// Slope from which on cells of thin clouds are not of one roof.
@@ -99,11 +105,13 @@ impl Step {
     /// The shortest one between these points.
     fn shortest(building: &[[f32; 3]], ground: &[[f32; 3]]) -> Option<Self> {
         let pairs = building.iter().flat_map(|own| ground.iter().map(move |near| (own, near)));
+        // The distances squared are enough to compare.
         let step = |([x, y, z], [nx, ny, nz]): (&[f32; 3], &[f32; 3])| Self {
-            distance: f64::from(x - nx).hypot(f64::from(y - ny)),
+            distance: f64::from(x - nx).powi(2) + f64::from(y - ny).powi(2),
             height: f64::from(z - nz),
         };
-        pairs.map(step).min_by(|a, b| a.distance.total_cmp(&b.distance))
+        let shortest = pairs.map(step).min_by(|a, b| a.distance.total_cmp(&b.distance))?;
+        Some(Self { distance: shortest.distance.sqrt(), ..shortest })
     }
 }
 
@@ -112,6 +120,8 @@ impl Step {
 struct Pairs {
     level: usize,
     drop: usize,
+    /// Of the level ones.
+    flush: usize,
 }
 
 impl Pairs {
@@ -121,8 +131,24 @@ impl Pairs {
         if distance > far {
             return;
         }
-        self.level += usize::from(height.abs() < params.step.max(params.slope * distance));
+        let level = height.abs() < params.step.max(params.slope * distance);
+        self.level += usize::from(level);
+        self.flush += usize::from(level && height.abs() <= FLUSH);
         self.drop += usize::from(height > params.drop.max(STEEP * distance));
+    }
+
+    fn plus(self, other: Self) -> Self {
+        Self { level: self.level + other.level, drop: self.drop + other.drop, flush: self.flush + other.flush }
+    }
+
+    /// Whether so many pairs are more than this share of all.
+    fn exceed(&self, pairs: usize, share: f64) -> bool {
+        pairs as f64 > share * (self.level + self.drop) as f64
+    }
+
+    /// Whether the component is level with the ground by its share of level or of flush pairs.
+    fn is_level(&self, params: &LevelParams) -> bool {
+        self.exceed(self.level, params.share) || self.exceed(self.flush, params.flush)
     }
 }
 
@@ -144,11 +170,21 @@ struct Scene<'a> {
 impl LevelParams {
     /// The same, but without effect.
     pub fn none() -> Self {
-        Self { share: 1.0, ..Self::default() }
+        Self { share: 1.0, flush: 1.0, ..Self::default() }
+    }
+
+    /// Whether they have an effect.
+    pub(super) fn act(&self) -> bool {
+        self.share < 1.0 || self.flush < 1.0
     }
 
     pub(super) fn validate(&self) -> Result<()> {
-        for (name, share) in [("classes.level.share", self.share), ("classes.level.ground", self.ground)] {
+        let shares = [
+            ("classes.level.share", self.share),
+            ("classes.level.flush", self.flush),
+            ("classes.level.ground", self.ground),
+        ];
+        for (name, share) in shares {
             if !(0.0..=1.0).contains(&share) {
                 return Err(Error::parameter(name, share, "a share, 0 to 1"));
             }
@@ -225,21 +261,21 @@ impl Scene<'_> {
         let pairs = self.pairs(&mut components, monitor)?;
         let mut found = LevelRows::default();
         for cell in (0..self.building.len()).filter(|&cell| self.building[cell]) {
-            let Pairs { level, drop } = pairs[components.root(cell as u32) as usize];
-            let more_than = |share: f64| level as f64 > share * (level + drop) as f64;
+            let pairs = pairs[components.root(cell as u32) as usize];
             let least = self.params.pairs.max(1);
-            if drop >= least && !more_than(self.params.share) {
+            if pairs.drop >= least && !pairs.is_level(self.params) {
                 found.standing.extend(self.buildings(cell));
             }
-            if level < least || !more_than(self.params.share) {
+            if pairs.level < least || !pairs.is_level(self.params) {
                 continue;
             }
+            let ground = pairs.exceed(pairs.level, self.params.ground);
             let z = |row: u32| self.points.positions.z[row as usize];
             let lowest = self.buildings(cell).map(z).fold(f32::MAX, f32::min);
             for row in self.buildings(cell) {
                 // Wires above a hilltop are part of its component.
                 let low = f64::from(z(row) - lowest) <= self.params.drop;
-                let list = if low && more_than(self.params.ground) { &mut found.ground } else { &mut found.unknown };
+                let list = if low && ground { &mut found.ground } else { &mut found.unknown };
                 list.push(row);
             }
         }
@@ -277,7 +313,7 @@ impl Scene<'_> {
         let mut sums = vec![Pairs::default(); own.len()];
         for (cell, own) in own.iter().enumerate() {
             let sum = &mut sums[components.root(cell as u32) as usize];
-            *sum = Pairs { level: sum.level + own.level, drop: sum.drop + own.drop };
+            *sum = sum.plus(*own);
         }
         Ok(sums)
     }
@@ -327,6 +363,16 @@ mod tests {
         let bridge =
             scene(|x, _| cutting(x), |x, y| (inside(x, [27.0, 33.0]) && inside(y, [12.0, 28.0])).then_some(0.1));
         assert_eq!(found(&bridge), [0, named(&bridge)]);
+        // The brinks of a wide cutting, and the bridge over it that joins them.
+        let brink = |x: f64, y: f64| {
+            let bridge = inside(y, [18.0, 22.0]);
+            (!inside(x, [17.0, 33.0]) && inside(x, [9.0, 41.0]) || bridge && inside(x, [9.0, 41.0])).then_some(0.0)
+        };
+        let brinks = scene(|x, _| if inside(x, [17.0, 33.0]) { -6.0 } else { 0.0 }, brink);
+        assert_eq!(found(&brinks), [0, named(&brinks)]);
+        let by_share = LevelParams { flush: 1.0, ..LevelParams::default() };
+        let rows = by_share.rows(&brinks.0, &brinks.1, 4.0, &Monitor::default()).unwrap();
+        assert_eq!([rows.ground.len(), rows.unknown.len()], [0, 0]);
         // With every pair level it takes more than a share of 1.
         let none = LevelParams::none().rows(&bridge.0, &bridge.1, 4.0, &Monitor::default()).unwrap();
         assert!(none.ground.is_empty() && none.unknown.is_empty());

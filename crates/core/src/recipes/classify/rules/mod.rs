@@ -190,7 +190,7 @@ impl ClassRules {
     /// Whether these rules look for buildings that are level with the ground in the result of a model with these classes.
     fn levels(&self, classes: &ClassTable) -> bool {
         let has = |code| classes.position(code).is_some();
-        self.level.share < 1.0 && has(GROUND) && has(BUILDING)
+        self.level.act() && has(GROUND) && has(BUILDING)
     }
 
     /// Whether these rules look for decks of bridges in the result of a model with these classes.
@@ -322,9 +322,11 @@ impl ClassRules {
         let mut heights = self.by_height(result, classes, points, monitor)?;
         let level = match self.levels(classes) {
             true => {
-                let found = |codes: &[u8]| self.level.rows(points, codes, result.density, monitor);
-                // Ground that was named building joins the houses beside it to the ground, until it is ground again.
-                found(&named)?.revised(found(&result.codes)?, points.len())
+                let found = |rule: &LevelParams, codes: &[u8]| rule.rows(points, codes, result.density, monitor);
+                // Ground that was named building joins the houses beside it to the ground, and is flush with it, until it is
+                // ground again.
+                let before = LevelParams { flush: 1.0, ..self.level.clone() };
+                found(&before, &named)?.revised(found(&self.level, &result.codes)?, points.len())
             }
             false => LevelRows::default(),
         };

@@ -2,7 +2,7 @@
 //! with a steep drop on both sides: the ground filter keeps what is level with the land around. An island is higher than
 //! all ground around it, such as a roof wider than the filter's window.
 
-use super::plan::{AXES, SPACINGS, block, cell_edge, groups, plan_cell, quantile};
+use super::plan::{AXES, SPACINGS, block, cell_edge, groups, length, plan_cell, quantile};
 use super::{DeckParams, GROUND};
 use crate::cloud::Points;
 use crate::error::Result;
@@ -37,6 +37,8 @@ const ISLAND: std::ops::RangeInclusive<f64> = 10.0..=20_000.0;
 /// drops in fewer.
 const SHORE: f64 = 0.95;
 const SIDES: u32 = 7;
+/// At least this share of the drops leads away from its middle: those of the land around a pit lead inwards.
+const OUTWARD: f64 = 0.5;
 
 /// Points with classes.
 pub(super) struct Land<'a> {
@@ -113,19 +115,32 @@ struct Step {
 #[derive(Clone, Copy, Default)]
 struct Border {
     cells: u32,
+    /// Sums of the cells' keys.
+    sums: [i64; 2],
     /// Steps to other pieces.
     steps: u32,
     /// Those that drop to lower ground.
     drops: u32,
+    /// Of these, those that lead away from the middle of the piece.
+    outward: u32,
     /// A bit for each of eight directions in which it drops.
     sides: u8,
 }
 
 impl Border {
-    fn step(&mut self, fall: f64, side: usize) {
+    fn add(&mut self, [x, y]: [i32; 2]) {
+        self.cells += 1;
+        self.sums = [self.sums[0] + i64::from(x), self.sums[1] + i64::from(y)];
+    }
+
+    /// Counts a step down by `fall` from the cell `from` in one of eight directions.
+    fn step(&mut self, fall: f64, from: [i32; 2], side: usize) {
         self.steps += 1;
         if fall >= RISE {
+            let [x, y] = if side < AXES.len() { AXES[side] } else { AXES[side - AXES.len()].map(|step| -step) };
+            let away = |axis: usize| f64::from(from[axis]) - self.sums[axis] as f64 / f64::from(self.cells);
             self.drops += 1;
+            self.outward += u32::from(f64::from(x) * away(0) + f64::from(y) * away(1) > 0.0);
             self.sides |= 1 << side;
         }
     }
@@ -133,6 +148,7 @@ impl Border {
     fn is_island(&self, edge: f64) -> bool {
         ISLAND.contains(&(f64::from(self.cells) * edge.powi(2)))
             && f64::from(self.drops) >= SHORE * f64::from(self.steps)
+            && f64::from(self.outward) >= OUTWARD * f64::from(self.drops)
             && self.sides.count_ones() >= SIDES
     }
 }
@@ -153,13 +169,14 @@ impl Scene<'_> {
         }
         let roots = pieces.roots(monitor)?;
         let mut borders = vec![Border::default(); all.len()];
+        let keys = self.index.keys();
+        all.clone().for_each(|cell| borders[roots[cell] as usize].add(keys[cell]));
         for cell in all.clone() {
             looks.step()?;
-            borders[roots[cell] as usize].cells += 1;
             for (axis, &direction) in AXES.iter().enumerate() {
                 if let Some(step) = self.step(cell, direction).filter(|step| roots[step.cell] != roots[cell]) {
-                    borders[roots[cell] as usize].step(step.fall, axis);
-                    borders[roots[step.cell] as usize].step(-step.fall, axis + AXES.len());
+                    borders[roots[cell] as usize].step(step.fall, keys[cell], axis);
+                    borders[roots[step.cell] as usize].step(-step.fall, keys[step.cell], axis + AXES.len());
                 }
             }
         }
@@ -234,7 +251,7 @@ impl Scene<'_> {
         let [at_x, at_y] = self.index.keys()[cell];
         let find = |steps: i32| {
             let near = self.index.find([at_x.saturating_add(steps * x), at_y.saturating_add(steps * y)])?;
-            let run = f64::from(steps) * self.edge * f64::from(x).hypot(f64::from(y));
+            let run = f64::from(steps) * self.edge * length([x, y]);
             Some(Step { cell: near, run, fall: self.surfaces[cell].height - self.surfaces[near].height })
         };
         (1..=GAP + 1).find_map(find)
@@ -376,5 +393,21 @@ mod tests {
         // Cut off by the edge of the scan.
         let half = |x: f64, y: f64| ((x - 60.0).abs() < 10.0 && y < 16.0).then_some(0.0);
         assert!(found(&cutting(0.67, half)) > 300.0);
+    }
+
+    #[test]
+    fn the_land_around_a_pit_is_no_island() {
+        // 64 x 64 m at 4 points a square metre.
+        let inside = |x: f64, y: f64| (x - 32.0).abs() < 20.0 && (y - 32.0).abs() < 20.0;
+        let found = |height: &dyn Fn(f64, f64) -> f64| {
+            let place = |i: u32| [f64::from(i % 128) / 2.0 + 0.2, f64::from(i / 128) / 2.0 + 0.2];
+            let rows: Vec<[f64; 3]> = (0..16_384).map(place).map(|[x, y]| [x, y, height(x, y)]).collect();
+            let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
+            let codes = vec![GROUND; rows.len()];
+            let land = Land { points: &points, codes: &codes, free: 1, density: 4.0 };
+            raised(&DeckParams::default(), &land, &Monitor::default()).unwrap().len()
+        };
+        assert_eq!(found(&|x, y| if inside(x, y) { -9.0 } else { 0.0 }), 0);
+        assert!(found(&|x, y| if inside(x, y) { 9.0 } else { 0.0 }) > 6000);
     }
 }
