@@ -1,7 +1,7 @@
 //! Messages of the core, which names options of the command line, in the words of Python.
 
 /// What the core says, and what Python says instead.
-const WORDS: [(&str, &str); 10] = [
+const WORDS: [(&str, &str); 11] = [
     ("others need a --map, e.g. ", "others need a class_map, e.g. "),
     ("(--unit METRES, or metres_per_unit in Python)", "(metres_per_unit)"),
     ("use --unit 0.3048", "use metres_per_unit=0.3048"),
@@ -13,6 +13,7 @@ const WORDS: [(&str, &str); 10] = [
         "not looked for: cars, water and decks of bridges",
         "`classify` finds some of them and names places that may be decks of bridges",
     ),
+    ("`scansion train` makes models of such clouds", "`PointClassifier.fit` makes models of such clouds"),
     ("`scansion train` makes models with other classes", "`PointClassifier.fit` makes models with other classes"),
     ("(features --list has all)", "(scansion.features.definitions() has all)"),
 ];

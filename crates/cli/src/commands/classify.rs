@@ -133,11 +133,7 @@ fn one(job: &Job<'_>, keep: &mut Kept, args: &Classify, context: &Context<'_>) -
         && !args.force
         && let Some(why) = recipes::builtin_misfit(&result)
     {
-        return Err(Error::input(format!(
-            "{}: {why}; train a model on such clouds (scansion train), or write the result all the same with --force",
-            input.display()
-        ))
-        .into());
+        return Err(Error::input(format!("{}: {why}; --force writes the result all the same", input.display())).into());
     }
     if let Some(mean) = result.mean_confidence().filter(|&mean| !builtin && mean < DOUBTFUL) {
         let name = input.display();

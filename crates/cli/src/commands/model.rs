@@ -51,7 +51,8 @@ fn table(model: &ModelFile, ranked: &[(&str, f64)]) -> String {
     let given = model.fitted.rules().given(&trained.classes);
     if given.classes() != trained.classes.classes() {
         let list: Vec<String> = given.classes().iter().map(|class| format!("{} {}", class.code, class.name)).collect();
-        let _ = writeln!(text, "\nclassify writes: {}", list.join(", "));
+        let free = trained.classes.free_code();
+        let _ = writeln!(text, "\nclassify writes: {}; {free} where it does not know", list.join(", "));
     }
     if let Some(cars) = &trained.cars {
         let parts: Vec<String> = cars.parts().iter().map(|p| format!("{} {}", p.count, p.kind)).collect();

@@ -36,7 +36,12 @@ pub(crate) fn run(args: &Suggest, context: &Context<'_>) -> Result<(), Failure> 
     segmented.describe(&OptimalParams::default(), &context.monitor)?;
     let picked = picked(args, &segmented, context)?;
     let said = match &model {
-        Some(model) => Some((probabilities(&args.input, model, context)?, model.trained.classes.len())),
+        Some(model) => {
+            if recipes::is_builtin(model) {
+                context.printer.note(&recipes::builtin_limits(&model.fitted.rules()));
+            }
+            Some((probabilities(&args.input, model, context)?, model.trained.classes.len()))
+        }
         None => None,
     };
     let known = KnownPoints {

@@ -22,7 +22,8 @@ const FALLING: f64 = 0.5;
 /// 20 degrees less.
 const LEAST_CONFIDENCE: f64 = 0.7;
 
-/// Why the result of the built-in model should not be used: the cloud is not like an airborne scan. `None` if it may be.
+/// Why the result of the built-in model should not be used, and what to do: the cloud is not like an airborne scan. `None` if
+/// it may be.
 pub fn builtin_misfit(result: &Classified) -> Option<String> {
     let confidence = result.mean_confidence().filter(|&c| c < LEAST_CONFIDENCE);
     let confidence = confidence.map(|c| format!("its mean confidence is {c:.2} (airborne scans: 0.8 and more)"));
@@ -35,10 +36,14 @@ pub fn builtin_misfit(result: &Classified) -> Option<String> {
     let turned = result.returns_falling.filter(|&share| share < FALLING);
     let turned =
         turned.map(|_| "the last returns of its pulses lie above the first ones: its heights are upside down".into());
+    let advice = match turned {
+        Some(_) => "turn them over first (z times -1)",
+        None => "`scansion train` makes models of such clouds",
+    };
     let reasons: Vec<String> = [confidence, dense, uneven, turned].into_iter().flatten().collect();
     (!reasons.is_empty()).then(|| {
         format!(
-            "the built-in model is for airborne and UAV scans and does not know this cloud: {}",
+            "the built-in model is for airborne and UAV scans and does not know this cloud: {}; {advice}",
             reasons.join(", and ")
         )
     })
