@@ -19,8 +19,9 @@ use serde::{Deserialize, Serialize};
 /// ground, but no building, and each building cell that holds ground itself, is level, drops, or does not count: by the step
 /// from the building point to the ground point that are nearest in plan. Building points more than 1 m below the highest of
 /// their cell, which may lie on a wall, are left out, and so are pairs whose points are more than the edge of a cell apart.
-/// A level pair is flush if its step is at most 0.15 m: the brink of a pit, a quarry or a quay is flush with the ground behind
-/// it and drops on the other side, while few roofs are flush with any ground.
+/// A level pair is flush if its step is at most 0.15 m and the ground a piece of 1,000 m² or more, without steps: the brink of a
+/// pit, a quarry or a quay is flush with the land behind it and drops on the other side, while a roof is hardly flush with any
+/// ground but a part of itself that was named ground.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LevelParams {
@@ -85,6 +86,8 @@ impl LevelRows {
 const WALL: f32 = 1.0;
 /// Largest step of a flush pair, metres.
 const FLUSH: f64 = 0.15;
+/// Least area of the ground that a brink is flush with, square metres.
+const LAND: f64 = 1000.0;
 /// Slope from which on a step is a wall.
 const STEEP: f64 = 1.0;
 /// Slope from which on cells of thin clouds are not of one roof.
@@ -125,15 +128,12 @@ struct Pairs {
 }
 
 impl Pairs {
-    /// Counts a step, if it is not too far and of one of the two kinds.
-    fn count(&mut self, params: &LevelParams, step: Step, far: f64) {
+    /// Counts a step of one of the two kinds; `land` is whether it leads to a large piece of ground.
+    fn count(&mut self, params: &LevelParams, step: Step, land: bool) {
         let Step { distance, height } = step;
-        if distance > far {
-            return;
-        }
         let level = height.abs() < params.step.max(params.slope * distance);
         self.level += usize::from(level);
-        self.flush += usize::from(level && height.abs() <= FLUSH);
+        self.flush += usize::from(level && land && height.abs() <= FLUSH);
         self.drop += usize::from(height > params.drop.max(STEEP * distance));
     }
 
@@ -246,9 +246,40 @@ impl Scene<'_> {
         all.into_iter().step_by(stride).collect()
     }
 
+    /// The shortest step from these building points to the ground of a cell, if it is not longer than the edge of a cell.
+    fn shortest(&self, top: &[[f32; 3]], cell: usize) -> Option<Step> {
+        Step::shortest(top, &self.sample(self.grounds(cell), f32::MIN)).filter(|step| step.distance <= self.edge)
+    }
+
     /// Some building points near the top of a cell.
     fn top(&self, cell: usize) -> Vec<[f32; 3]> {
         self.sample(self.buildings(cell), self.highest(cell) - WALL)
+    }
+
+    /// Whether the ground of each cell belongs to a piece of [`LAND`] that can be walked over without a step.
+    fn land(&self, monitor: &Monitor) -> Result<Vec<bool>> {
+        let z = |row: u32| f64::from(self.points.positions.z[row as usize]);
+        let lowest: Vec<f64> =
+            (0..self.cells.len()).map(|cell| self.grounds(cell).map(z).fold(f64::INFINITY, f64::min)).collect();
+        let step = self.params.step.max(self.params.slope * self.edge);
+        let mut pieces = UnionFind::new(lowest.len());
+        let mut walk = (!lowest.is_empty()).then(|| Walk::<1>::new(&self.cells.keys, 0));
+        for piece in watched(lowest.len(), monitor) {
+            for cell in piece?.filter(|&cell| lowest[cell].is_finite()) {
+                walk.iter_mut().for_each(|walk| {
+                    walk.around(cell, |near, _| {
+                        if (lowest[cell] - lowest[near]).abs() <= step {
+                            pieces.unite(cell as u32, near as u32);
+                        }
+                    });
+                });
+            }
+        }
+        let roots = pieces.roots(monitor)?;
+        let mut cells = vec![0u32; lowest.len()];
+        roots.iter().for_each(|&root| cells[root as usize] += 1);
+        let area = |root: u32| f64::from(cells[root as usize]) * self.edge.powi(2);
+        Ok(roots.into_iter().map(|root| area(root) >= LAND).collect())
     }
 
     /// The height of the highest building point of a cell.
@@ -285,7 +316,8 @@ impl Scene<'_> {
     /// Joins the building cells to components, and counts the pairs of each at its root.
     fn pairs(&self, components: &mut UnionFind, monitor: &Monitor) -> Result<Vec<Pairs>> {
         let mut own = vec![Pairs::default(); self.building.len()];
-        if !self.building.is_empty() {
+        if self.building.contains(&true) {
+            let land = self.land(monitor)?;
             let highest: Vec<f32> = (0..self.building.len()).map(|cell| self.highest(cell)).collect();
             // In thin clouds the highest points of neighbours differ more on any roof.
             let joined = self.params.step.max(if self.wide() { ROOF } else { STEEP } * self.edge);
@@ -299,13 +331,12 @@ impl Scene<'_> {
                             if fall.abs() <= joined {
                                 components.unite(cell as u32, near as u32);
                             }
-                        } else if let Some(step) = Step::shortest(&top, &self.sample(self.rows(near), f32::MIN)) {
-                            own[cell].count(self.params, step, self.edge);
+                        } else if let Some(step) = self.shortest(&top, near) {
+                            own[cell].count(self.params, step, land[near]);
                         }
                     });
-                    let below = self.sample(self.grounds(cell), f32::MIN);
-                    if let Some(step) = Step::shortest(&top, &below) {
-                        own[cell].count(self.params, step, self.edge);
+                    if let Some(step) = self.shortest(&top, cell) {
+                        own[cell].count(self.params, step, land[cell]);
                     }
                 }
             }
@@ -363,16 +394,21 @@ mod tests {
         let bridge =
             scene(|x, _| cutting(x), |x, y| (inside(x, [27.0, 33.0]) && inside(y, [12.0, 28.0])).then_some(0.1));
         assert_eq!(found(&bridge), [0, named(&bridge)]);
-        // The brinks of a wide cutting, and the bridge over it that joins them.
+        // The brinks of a cutting, and a bridge over it that joins them.
         let brink = |x: f64, y: f64| {
-            let bridge = inside(y, [18.0, 22.0]);
-            (!inside(x, [17.0, 33.0]) && inside(x, [9.0, 41.0]) || bridge && inside(x, [9.0, 41.0])).then_some(0.0)
+            let open = inside(x, [27.0, 33.0]) && !inside(y, [18.0, 22.0]);
+            (inside(x, [26.0, 34.0]) && !open).then_some(0.0)
         };
-        let brinks = scene(|x, _| if inside(x, [17.0, 33.0]) { -6.0 } else { 0.0 }, brink);
+        let brinks = scene(|x, _| cutting(x), brink);
         assert_eq!(found(&brinks), [0, named(&brinks)]);
         let by_share = LevelParams { flush: 1.0, ..LevelParams::default() };
         let rows = by_share.rows(&brinks.0, &brinks.1, 4.0, &Monitor::default()).unwrap();
         assert_eq!([rows.ground.len(), rows.unknown.len()], [0, 0]);
+        // A flat roof of which a part was named ground.
+        let hall = |x: f64, y: f64| inside(x, [10.0, 50.0]) && inside(y, [5.0, 35.0]);
+        let part = |x: f64, y: f64| inside(x, [14.0, 40.0]) && inside(y, [9.0, 31.0]) && !inside(x, [24.0, 30.0]);
+        let roof = scene(|x, y| if hall(x, y) { 6.0 } else { 0.0 }, |x, y| (hall(x, y) && !part(x, y)).then_some(6.0));
+        assert_eq!(found(&roof), [0, 0]);
         // With every pair level it takes more than a share of 1.
         let none = LevelParams::none().rows(&bridge.0, &bridge.1, 4.0, &Monitor::default()).unwrap();
         assert!(none.ground.is_empty() && none.unknown.is_empty());
