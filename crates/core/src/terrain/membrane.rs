@@ -60,8 +60,8 @@ fn halved(raster: &Raster, monitor: &Monitor) -> Result<Raster> {
     Raster::new(raster.origin(), 2.0 * raster.cell(), columns.div_ceil(2), concat_watched(lines, monitor)?)
 }
 
-/// The heights of the holes in some rows, relaxed from the start. The rows around that the sweeps reach are relaxed too, so that the
-/// result does not depend on the division into parts.
+/// The heights of the holes in some rows, relaxed from the start. The rows around that the sweeps reach are relaxed too, so
+/// that the result does not depend on the division into parts.
 fn relaxed(start: &Raster, hole: &[bool], part: usize) -> Vec<f64> {
     let (rows, columns) = (start.rows(), start.columns());
     let part = part * ROWS..((part + 1) * ROWS).min(rows);

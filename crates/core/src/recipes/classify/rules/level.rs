@@ -25,7 +25,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LevelParams {
-    /// A component is no building if more than this share of its pairs that are level or drop are level; 0..=1. 1: by `flush` only.
+    /// A component is no building if more than this share of its pairs that are level or drop are level; 0..=1. 1: by `flush`
+    /// only.
     pub share: f64,
     /// Nor if more than this share of them are flush; 0..=1. 1: by `share` only.
     pub flush: f64,
@@ -173,8 +174,8 @@ impl LevelParams {
         Self { share: 1.0, flush: 1.0, ..Self::default() }
     }
 
-    /// Whether they have an effect.
-    pub(super) fn act(&self) -> bool {
+    /// Whether some buildings may be level by them.
+    pub(super) fn search(&self) -> bool {
         self.share < 1.0 || self.flush < 1.0
     }
 
@@ -256,22 +257,20 @@ impl Scene<'_> {
         self.sample(self.buildings(cell), self.highest(cell) - WALL)
     }
 
-    /// Whether the ground of each cell belongs to a piece of [`LAND`] that can be walked over without a step.
+    /// Whether the ground of each cell belongs to a piece of [`LAND`] that can be walked over without a step. There must be cells.
     fn land(&self, monitor: &Monitor) -> Result<Vec<bool>> {
         let z = |row: u32| f64::from(self.points.positions.z[row as usize]);
         let lowest: Vec<f64> =
             (0..self.cells.len()).map(|cell| self.grounds(cell).map(z).fold(f64::INFINITY, f64::min)).collect();
         let step = self.params.step.max(self.params.slope * self.edge);
         let mut pieces = UnionFind::new(lowest.len());
-        let mut walk = (!lowest.is_empty()).then(|| Walk::<1>::new(&self.cells.keys, 0));
+        let mut walk = Walk::<1>::new(&self.cells.keys, 0);
         for piece in watched(lowest.len(), monitor) {
             for cell in piece?.filter(|&cell| lowest[cell].is_finite()) {
-                walk.iter_mut().for_each(|walk| {
-                    walk.around(cell, |near, _| {
-                        if (lowest[cell] - lowest[near]).abs() <= step {
-                            pieces.unite(cell as u32, near as u32);
-                        }
-                    });
+                walk.around(cell, |near, _| {
+                    if (lowest[cell] - lowest[near]).abs() <= step {
+                        pieces.unite(cell as u32, near as u32);
+                    }
                 });
             }
         }

@@ -190,7 +190,7 @@ impl ClassRules {
     /// Whether these rules look for buildings that are level with the ground in the result of a model with these classes.
     fn levels(&self, classes: &ClassTable) -> bool {
         let has = |code| classes.position(code).is_some();
-        self.level.act() && has(GROUND) && has(BUILDING)
+        self.level.search() && has(GROUND) && has(BUILDING)
     }
 
     /// Whether these rules look for decks of bridges in the result of a model with these classes.
