@@ -102,10 +102,10 @@ def row(name, recipe, settings, folder):
     run("train", *clouds, "--recipe", recipe, *labels, *held, "-o", model)
     cells = []
     for scene, path in SCENES.items():
-        run("classify", path, "--model", model, "-o", named, "--overwrite", "--force")
+        run("classify", path, "--model", model, "-o", named, "--force")
         found = codes(named)
         cells.append(f"{mean_iou(path, found):.1f}" if scene != "fields" else f"{100 * (found == 6).mean():.2f}")
-    arguments = ["classify", crop, "--model", model, "-o", named, "--overwrite", "--unit", "0.3048", "--threads", "1"]
+    arguments = ["classify", crop, "--model", model, "-o", named, "--unit", "0.3048", "--threads", "1"]
     seconds = run(*arguments) / 1.832416
     text = f"| {name} | " + " | ".join(cells) + f" | {seconds:.1f} | {memory(*arguments):.0f} |"
     print(text, flush=True)
