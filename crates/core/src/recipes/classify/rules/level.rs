@@ -1,7 +1,7 @@
 //! Buildings that do not stand above the ground around them: hilltops, terraces and decks of bridges, which the trees
 //! take for roofs because they are flat and high.
 
-use super::plan::{SPACINGS, cell_edge, plan_cell};
+use super::plan::{SPACINGS, cell_edge, outline, plan_cell};
 use super::{BUILDING, GROUND};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
@@ -10,6 +10,7 @@ use crate::parallel::{Monitor, watched};
 use crate::voxels::cells::Cells;
 use crate::voxels::cells::index::Walk;
 use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// When a building is level with the ground around it.
 ///
@@ -22,6 +23,10 @@ use serde::{Deserialize, Serialize};
 /// A level pair is flush if its step is at most 0.15 m and the ground a piece of 1,000 m² or more, without steps: the brink of a
 /// pit, a quarry or a quay is flush with the land behind it and drops on the other side, while a roof is hardly flush with any
 /// ground but a part of itself that was named ground.
+///
+/// A component that drops, but also covers more than 0.75 of the outline of the scan, encloses it, and becomes unclassified: the
+/// rim of a pit that ends with the scan looks like the roofs around a courtyard. A building that is cut by the edge of a scan
+/// covers at most three quarters, unless it lies at all four sides.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LevelParams {
@@ -58,6 +63,8 @@ pub(super) struct LevelRows {
     pub(super) ground: Vec<u32>,
     /// Those that may be a deck or a terrace.
     pub(super) unknown: Vec<u32>,
+    /// Those that enclose the scan: roofs around a courtyard, or the rim of a pit.
+    pub(super) enclosing: Vec<u32>,
     /// Others, which stand above the ground on most sides.
     pub(super) standing: Vec<u32>,
 }
@@ -78,6 +85,7 @@ impl LevelRows {
         Self {
             ground: [without(self.ground, &standing), without(later.ground, &found)].concat(),
             unknown: [without(self.unknown, &standing), without(later.unknown, &found)].concat(),
+            enclosing: later.enclosing,
             standing: later.standing,
         }
     }
@@ -89,6 +97,8 @@ const WALL: f32 = 1.0;
 const FLUSH: f64 = 0.15;
 /// Least area of the ground that a brink is flush with, square metres.
 const LAND: f64 = 1000.0;
+/// A component that covers more than this share of the outline of a scan encloses it.
+const ENCLOSING: f64 = 0.75;
 /// Slope from which on a step is a wall.
 const STEEP: f64 = 1.0;
 /// Slope from which on cells of thin clouds are not of one roof.
@@ -150,6 +160,34 @@ impl Pairs {
     /// Whether the component is level with the ground by its share of level or of flush pairs.
     fn is_level(&self, params: &LevelParams) -> bool {
         self.exceed(self.level, params.share) || self.exceed(self.flush, params.flush)
+    }
+}
+
+/// The first and the last cell along each axis.
+#[derive(Clone, Copy, Debug)]
+struct Extent {
+    low: [i32; 2],
+    high: [i32; 2],
+}
+
+impl Extent {
+    fn of(keys: &[[i32; 2]]) -> Self {
+        let mut extent = Self { low: [i32::MAX; 2], high: [i32::MIN; 2] };
+        keys.iter().for_each(|&key| extent.include(key));
+        extent
+    }
+
+    fn include(&mut self, key: [i32; 2]) {
+        for (axis, place) in key.into_iter().enumerate() {
+            self.low[axis] = self.low[axis].min(place);
+            self.high[axis] = self.high[axis].max(place);
+        }
+    }
+
+    /// Whether it takes more than half of another one along both axes.
+    fn spans(&self, all: &Self) -> bool {
+        let cells = |extent: &Self, axis: usize| i64::from(extent.high[axis]) - i64::from(extent.low[axis]) + 1;
+        (0..2).all(|axis| 2 * cells(self, axis) > cells(all, axis))
     }
 }
 
@@ -289,12 +327,15 @@ impl Scene<'_> {
     fn found(&self, monitor: &Monitor) -> Result<LevelRows> {
         let mut components = UnionFind::new(self.building.len());
         let pairs = self.pairs(&mut components, monitor)?;
+        let enclosing = self.enclosing(&mut components, monitor)?;
         let mut found = LevelRows::default();
         for cell in (0..self.building.len()).filter(|&cell| self.building[cell]) {
-            let pairs = pairs[components.root(cell as u32) as usize];
+            let root = components.root(cell as u32);
+            let pairs = pairs[root as usize];
             let least = self.params.pairs.max(1);
             if pairs.drop >= least && !pairs.is_level(self.params) {
-                found.standing.extend(self.buildings(cell));
+                let list = if enclosing.contains(&root) { &mut found.enclosing } else { &mut found.standing };
+                list.extend(self.buildings(cell));
             }
             if pairs.level < least || !pairs.is_level(self.params) {
                 continue;
@@ -310,6 +351,27 @@ impl Scene<'_> {
             }
         }
         Ok(found)
+    }
+
+    /// The roots of the components that enclose the scan.
+    fn enclosing(&self, components: &mut UnionFind, monitor: &Monitor) -> Result<BTreeSet<u32>> {
+        let all = Extent::of(&self.cells.keys);
+        let mut extents = BTreeMap::<u32, Extent>::new();
+        for (cell, &key) in self.cells.keys.iter().enumerate().filter(|(cell, _)| self.building[*cell]) {
+            extents.entry(components.root(cell as u32)).or_insert(Extent::of(&[key])).include(key);
+        }
+        if !extents.values().any(|extent| extent.spans(&all)) {
+            return Ok(BTreeSet::new());
+        }
+        let outline = outline(self.points, self.edge, monitor)?;
+        let mut covered = BTreeMap::<u32, usize>::new();
+        for key in &outline {
+            if let Some(cell) = self.cells.keys.binary_search(key).ok().filter(|&cell| self.building[cell]) {
+                *covered.entry(components.root(cell as u32)).or_default() += 1;
+            }
+        }
+        let most = ENCLOSING * outline.len() as f64;
+        Ok(covered.into_iter().filter(|(_, cells)| *cells as f64 > most).map(|(root, _)| root).collect())
     }
 
     /// Joins the building cells to components, and counts the pairs of each at its root.
@@ -408,6 +470,19 @@ mod tests {
         let part = |x: f64, y: f64| inside(x, [14.0, 40.0]) && inside(y, [9.0, 31.0]) && !inside(x, [24.0, 30.0]);
         let roof = scene(|x, y| if hall(x, y) { 6.0 } else { 0.0 }, |x, y| (hall(x, y) && !part(x, y)).then_some(6.0));
         assert_eq!(found(&roof), [0, 0]);
+        // Roofs around a courtyard that the scan ends with, or the rim of a pit; and roofs at two of the four sides.
+        let roofs = |yard: [[f64; 2]; 2]| {
+            let inside = move |x: f64, y: f64| inside(x, yard[0]) && inside(y, yard[1]);
+            scene(|_, _| -8.0, move |x, y| (!inside(x, y)).then_some(0.0))
+        };
+        let of_kinds = |scene: &(Points, Vec<u8>)| {
+            let rows = LevelParams::default().rows(&scene.0, &scene.1, 4.0, &Monitor::default()).unwrap();
+            [rows.enclosing.len(), rows.standing.len()]
+        };
+        let closed = roofs([[12.0, 48.0], [10.0, 30.0]]);
+        assert_eq!(of_kinds(&closed), [named(&closed), 0]);
+        let corner = roofs([[12.0, 61.0], [-1.0, 30.0]]);
+        assert_eq!(of_kinds(&corner), [0, named(&corner)]);
         // With every pair level it takes more than a share of 1.
         let none = LevelParams::none().rows(&bridge.0, &bridge.1, 4.0, &Monitor::default()).unwrap();
         assert!(none.ground.is_empty() && none.unknown.is_empty());

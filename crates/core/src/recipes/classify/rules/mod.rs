@@ -335,7 +335,15 @@ impl ClassRules {
             level.ground.iter().for_each(|&row| result.codes[index[row as usize] as usize] = GROUND);
             heights = self.by_height(result, classes, points, monitor)?;
         }
-        Ok(Divided { heights, unknown: level.unknown })
+        let LevelRows { unknown, enclosing, .. } = level;
+        if !enclosing.is_empty() {
+            result.warnings.push(format!(
+                "{} points that look like roofs enclose the scan, and may as well be the land around a pit: they have no class; a \
+                 scan that goes on around them tells",
+                enclosing.len()
+            ));
+        }
+        Ok(Divided { heights, unknown: [unknown, enclosing].concat() })
     }
 
     /// The rules that need the height above the points that are named ground; returns these heights.

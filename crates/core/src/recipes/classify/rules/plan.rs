@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::graph::UnionFind;
 use crate::parallel::{Looks, Monitor};
 use crate::voxels::cells::cell_of;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Spacings of the points to a cell in plan, at least.
 pub(super) const SPACINGS: f64 = 1.5;
@@ -24,6 +24,27 @@ pub(in crate::recipes) fn plan_cell(points: &Points, row: u32, edge: f64) -> [i3
 /// The cells in plan at most `reach` cells away along each axis, the own one included.
 pub(super) fn block([x, y]: [i32; 2], reach: i32) -> impl Iterator<Item = [i32; 2]> {
     (-reach..=reach).flat_map(move |dx| (-reach..=reach).map(move |dy| [x.saturating_add(dx), y.saturating_add(dy)]))
+}
+
+/// The outline of a scan in plan: of each row and of each column of cells the first and the last that hold points.
+pub(super) fn outline(points: &Points, edge: f64, monitor: &Monitor) -> Result<BTreeSet<[i32; 2]>> {
+    let mut ends = [(); 2].map(|()| BTreeMap::<i32, [i32; 2]>::new());
+    let mut looks = Looks::at(monitor);
+    let mut last = None;
+    for row in 0..points.len() as u32 {
+        looks.step()?;
+        let [x, y] = plan_cell(points, row, edge);
+        // Points beside each other in the list are near each other.
+        if last.replace([x, y]) != Some([x, y]) {
+            for (ends, [line, place]) in ends.iter_mut().zip([[x, y], [y, x]]) {
+                let [first, last] = ends.entry(line).or_insert([place; 2]);
+                [*first, *last] = [place.min(*first), place.max(*last)];
+            }
+        }
+    }
+    let [columns, rows] = ends;
+    let columns = columns.into_iter().flat_map(|(x, ends)| ends.map(|y| [x, y]));
+    Ok(columns.chain(rows.into_iter().flat_map(|(y, ends)| ends.map(|x| [x, y]))).collect())
 }
 
 /// Length of a step, in cells.
