@@ -16,7 +16,7 @@ pub use column::{Column, Values};
 pub use metric::MetricCloud;
 pub use points::{LocalFrame, Points};
 pub use positions::Positions;
-pub use raster::Raster;
+pub use raster::{Height, Raster};
 pub use scheme::{ClassNames, CodeScheme, OwnClass};
 pub use stray::{StrayParams, Strays};
 

@@ -1,25 +1,56 @@
 //! A raster of heights.
 
 use crate::error::{Error, Result};
+use std::fmt::Debug;
 
 /// Largest number of cells of a raster.
 const MOST: usize = 100_000_000;
 
+/// A height of a raster, metres: `f64` in the world, `f32` above the origin of local points.
+pub trait Height: Copy + Debug + PartialOrd + Into<f64> + Send + Sync {
+    /// No height: not a number.
+    const HOLE: Self;
+
+    /// The nearest one that can be held.
+    fn nearest(height: f64) -> Self;
+
+    /// Whether there is none.
+    fn is_hole(self) -> bool {
+        self.into().is_nan()
+    }
+}
+
+impl Height for f64 {
+    const HOLE: Self = Self::NAN;
+
+    fn nearest(height: f64) -> Self {
+        height
+    }
+}
+
+impl Height for f32 {
+    const HOLE: Self = Self::NAN;
+
+    fn nearest(height: f64) -> Self {
+        height as Self
+    }
+}
+
 /// Heights in metres at the centres of square cells, row after row from the south-west corner.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Raster {
+pub struct Raster<T = f64> {
     origin: [f64; 2],
     cell: f64,
     columns: usize,
-    values: Vec<f64>,
+    values: Vec<T>,
 }
 
-impl Raster {
+impl<T: Height> Raster<T> {
     /// A raster whose south-west corner is `origin`; NaN is a hole.
     ///
     /// # Errors
     /// If the cell is not above 0, a value is infinite, or the values are not whole rows of `columns`.
-    pub fn new(origin: [f64; 2], cell: f64, columns: usize, values: Vec<f64>) -> Result<Self> {
+    pub fn new(origin: [f64; 2], cell: f64, columns: usize, values: Vec<T>) -> Result<Self> {
         if !(cell > 0.0 && cell.is_finite() && origin.iter().all(|o| o.is_finite())) {
             return Err(Error::input(format!(
                 "raster at {origin:?} with cells of {cell} m (allowed: finite, above 0)"
@@ -31,8 +62,8 @@ impl Raster {
                 values.len()
             )));
         }
-        if let Some(i) = values.iter().position(|v| v.is_infinite()) {
-            return Err(Error::input(format!("height {i} is {} (allowed: finite, NaN for a hole)", values[i])));
+        if let Some(i) = values.iter().position(|&v| v.into().is_infinite()) {
+            return Err(Error::input(format!("height {i} is {:?} (allowed: finite, NaN for a hole)", values[i])));
         }
         Ok(Self { origin, cell, columns, values })
     }
@@ -51,7 +82,7 @@ impl Raster {
             );
             return Err(Error::parameter("cell", cell, expected));
         }
-        Self::new(first.map(|v| v * cell), cell, count[0] as usize, vec![f64::NAN; cells as usize])
+        Self::new(first.map(|v| v * cell), cell, count[0] as usize, vec![T::HOLE; cells as usize])
     }
 
     /// South-west corner, metres.
@@ -75,39 +106,24 @@ impl Raster {
     }
 
     /// Heights, row after row from the south-west corner.
-    pub fn values(&self) -> &[f64] {
+    pub fn values(&self) -> &[T] {
         &self.values
     }
 
-    pub(crate) fn values_mut(&mut self) -> &mut [f64] {
+    pub(crate) fn values_mut(&mut self) -> &mut [T] {
         &mut self.values
     }
 
     /// The same raster with other heights, of the same number.
-    pub(crate) fn with_values(self, values: Vec<f64>) -> Self {
+    pub(crate) fn with_values(self, values: Vec<T>) -> Self {
         debug_assert_eq!(values.len(), self.values.len());
         Self { values, ..self }
     }
 
     /// A raster of the cells of another one, with heights of its own, of the same number.
-    pub(crate) fn of(cells: &Self, values: Vec<f64>) -> Self {
+    pub(crate) fn of(cells: &Self, values: Vec<T>) -> Self {
         debug_assert_eq!(values.len(), cells.values.len());
         Self { values, ..*cells }
-    }
-
-    /// The same raster in another unit: origin, cell and heights divided by `metres`, the metres per unit. The cell is
-    /// rounded to 12 digits, so that 0.9144 m are 3 international ft and not 3.0000000000000004.
-    ///
-    /// # Errors
-    /// If a result is not finite.
-    pub fn in_unit(self, metres: f64) -> Result<Self> {
-        let cells = self.origin.map(|o| o / self.cell);
-        let cell = self.cell / metres;
-        let digits = 10f64.powf(11.0 - cell.log10().floor());
-        let cell = if digits.is_finite() { (cell * digits).round() / digits } else { cell };
-        let whole = |v: f64| if (v - v.round()).abs() < 1e-6 { v.round() } else { v };
-        let values = self.values.into_iter().map(|v| v / metres).collect();
-        Self::new(cells.map(|v| whole(v) * cell), cell, self.columns, values)
     }
 
     /// The cell that contains a position; the nearest cell for positions outside.
@@ -136,10 +152,35 @@ impl Raster {
             (low, (low + 1).min(count - 1), u - low as f64)
         };
         let ((x0, x1, u), (y0, y1, v)) = (place(0, self.columns), place(1, self.rows()));
-        let at = |x: usize, y: usize| self.values[y * self.columns + x];
+        let at = |x: usize, y: usize| -> f64 { self.values[y * self.columns + x].into() };
         let low = at(x0, y0) + u * (at(x1, y0) - at(x0, y0));
         let high = at(x0, y1) + u * (at(x1, y1) - at(x0, y1));
         low + v * (high - low)
+    }
+}
+
+impl Raster<f32> {
+    /// The same raster with heights in the world, those above an origin at the height `by`.
+    pub(crate) fn raised(self, by: f64) -> Raster {
+        let values = self.values.into_iter().map(|v| f64::from(v) + by).collect();
+        Raster { origin: self.origin, cell: self.cell, columns: self.columns, values }
+    }
+}
+
+impl Raster {
+    /// The same raster in another unit: origin, cell and heights divided by `metres`, the metres per unit. The cell is
+    /// rounded to 12 digits, so that 0.9144 m are 3 international ft and not 3.0000000000000004.
+    ///
+    /// # Errors
+    /// If a result is not finite.
+    pub fn in_unit(self, metres: f64) -> Result<Self> {
+        let cells = self.origin.map(|o| o / self.cell);
+        let cell = self.cell / metres;
+        let digits = 10f64.powf(11.0 - cell.log10().floor());
+        let cell = if digits.is_finite() { (cell * digits).round() / digits } else { cell };
+        let whole = |v: f64| if (v - v.round()).abs() < 1e-6 { v.round() } else { v };
+        let values = self.values.into_iter().map(|v| v / metres).collect();
+        Self::new(cells.map(|v| whole(v) * cell), cell, self.columns, values)
     }
 }
 
@@ -164,6 +205,17 @@ mod tests {
     }
 
     #[test]
+    fn heights_above_an_origin_keep_their_holes_and_places() {
+        let raster = Raster::<f32>::over([1e6, 5e6], [1e6 + 3.0, 5e6 + 1.0], 1.0).unwrap();
+        assert_eq!((raster.rows(), raster.columns()), (2, 4));
+        assert!(raster.values().iter().all(|z| z.is_hole()));
+        let raster = Raster::of(&raster, vec![0.5f32, 1.5, 2.5, 3.5, 0.5, 1.5, 2.5, 3.5]);
+        assert!((raster.bilinear([1e6 + 2.25, 5e6 + 1.0]) - 2.25).abs() < 1e-6);
+        assert_eq!(raster.cell_of([1e6 + 2.25, 5e6 + 1.0]), 6);
+        assert!(Raster::new([0.0; 2], 1.0, 1, vec![f32::INFINITY]).is_err());
+    }
+
+    #[test]
     fn a_raster_in_feet_covers_the_same_ground() {
         let raster = Raster::new([9144.0, -914.4], 0.9144, 2, vec![3.048, f64::NAN]).unwrap().in_unit(0.3048).unwrap();
         assert_eq!((raster.origin(), raster.cell()), ([30_000.0, -3000.0], 3.0));
@@ -176,8 +228,8 @@ mod tests {
     fn impossible_rasters_are_refused() {
         assert!(Raster::new([0.0; 2], 0.0, 1, vec![1.0]).is_err());
         assert!(Raster::new([0.0; 2], 1.0, 2, vec![1.0]).is_err());
-        assert!(Raster::new([0.0; 2], 1.0, 0, vec![]).is_err());
+        assert!(Raster::<f64>::new([0.0; 2], 1.0, 0, vec![]).is_err());
         assert!(Raster::new([0.0; 2], 1.0, 1, vec![f64::INFINITY]).is_err());
-        assert!(Raster::over([0.0; 2], [1e9; 2], 0.5).unwrap_err().to_string().contains("cell"));
+        assert!(Raster::<f64>::over([0.0; 2], [1e9; 2], 0.5).unwrap_err().to_string().contains("cell"));
     }
 }

@@ -1,10 +1,10 @@
 //! Heights of points above the ground that the ground filter finds.
 
-use super::elevation::{ElevationModel, ElevationParams};
+use super::elevation::{ElevationParams, Ground, Holes, check_mask, heights_above_surface};
 use super::ground_filter::{GroundParams, ground_points};
 use super::sites::by_site;
 use crate::cloud::Points;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use serde::{Deserialize, Serialize};
 
@@ -42,7 +42,8 @@ pub fn filtered_heights(points: &Points, params: &HeightParams, monitor: &Monito
     params.validate()?;
     by_site(points, params.cell(), monitor, |site| {
         let ground = ground_points(site, &params.filter, monitor)?;
-        ElevationModel::fit(site, &ground, &params.elevation, monitor)?.heights(site, monitor)
+        let ground = Ground { points: site, is_ground: &ground, params: &params.elevation, holes: Holes::Nearest };
+        heights_above_surface(&ground, monitor)
     })
 }
 
@@ -57,15 +58,15 @@ pub fn heights_above(
     params: &HeightParams,
     monitor: &Monitor,
 ) -> Result<Vec<f32>> {
-    super::elevation::check_mask(points.len(), is_ground)?;
+    check_mask(points.len(), is_ground)?;
     if !is_ground.contains(&true) {
         return filtered_heights(points, params, monitor);
     }
-    match ElevationModel::stretched(points, is_ground, &params.elevation, monitor) {
-        Ok(model) => model.heights(points, monitor),
+    let ground = Ground { points, is_ground, params: &params.elevation, holes: Holes::Membrane };
+    match heights_above_surface(&ground, monitor) {
         // Too wide for one raster.
-        Err(crate::error::Error::InvalidParameter { .. }) => filtered_heights(points, params, monitor),
-        Err(other) => Err(other),
+        Err(Error::InvalidParameter { .. }) => filtered_heights(points, params, monitor),
+        found => found,
     }
 }
 

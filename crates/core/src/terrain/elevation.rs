@@ -4,7 +4,8 @@ use super::membrane::membrane;
 use super::smooth::{fill_holes, median};
 use crate::cloud::{Points, Raster};
 use crate::error::{Error, Result};
-use crate::parallel::{Looks, Monitor, concat_watched, fill_parts, map_ordered, sort_watched};
+use crate::parallel::{Looks, Monitor, fill_parts, map_ordered, watched};
+use crate::voxels::cells::radix::{Bits, radix_sort};
 use serde::{Deserialize, Serialize};
 
 /// Points of a block.
@@ -66,17 +67,8 @@ impl ElevationModel {
     /// If there is no ground point, lengths differ, a parameter is out of range, the extent has too many cells, or the work was
     /// cancelled.
     pub fn fit(points: &Points, is_ground: &[bool], params: &ElevationParams, monitor: &Monitor) -> Result<Self> {
-        let raster = fill_holes(heights_of_cells(points, is_ground, params, monitor)?, monitor)?;
-        Ok(Self { raster: smoothed(raster, params, monitor)? })
-    }
-
-    /// As [`ElevationModel::fit`], but a membrane spans the holes, so that the ground below a house on a slope is the slope.
-    ///
-    /// # Errors
-    /// As [`ElevationModel::fit`].
-    pub fn stretched(points: &Points, is_ground: &[bool], params: &ElevationParams, monitor: &Monitor) -> Result<Self> {
-        let raster = membrane(heights_of_cells(points, is_ground, params, monitor)?, monitor)?;
-        Ok(Self { raster: smoothed(raster, params, monitor)? })
+        let surface = surface(&Ground { points, is_ground, params, holes: Holes::Nearest }, monitor)?;
+        Ok(Self { raster: surface.raised(points.frame.origin[2]) })
     }
 
     /// An elevation model from given heights; holes (NaN) take the nearest height.
@@ -133,13 +125,56 @@ impl ElevationModel {
     }
 }
 
+/// What fills cells without ground.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Holes {
+    /// The nearest height.
+    Nearest,
+    /// A membrane between their edges, so that the ground below a house on a slope is the slope.
+    Membrane,
+}
+
+/// Ground points among others, and how they become a surface.
+pub(super) struct Ground<'a> {
+    pub(super) points: &'a Points,
+    /// One a point.
+    pub(super) is_ground: &'a [bool],
+    pub(super) params: &'a ElevationParams,
+    pub(super) holes: Holes,
+}
+
+/// Heights of all points above the surface of the ground, as those of [`ElevationModel::fit`], in less memory.
+///
+/// # Errors
+/// As [`ElevationModel::fit`].
+pub(super) fn heights_above_surface(ground: &Ground<'_>, monitor: &Monitor) -> Result<Vec<f32>> {
+    let (points, surface) = (ground.points, surface(ground, monitor)?);
+    let mut heights = vec![0.0; points.len()];
+    fill_parts(&mut heights, BLOCK, monitor, |block, part| {
+        for (height, i) in part.iter_mut().zip(block * BLOCK..) {
+            let [x, y, _] = points.world(i);
+            *height = (f64::from(points.positions.z[i]) - surface.bilinear([x, y])) as f32;
+        }
+    })?;
+    Ok(heights)
+}
+
+/// The surface of the ground above the origin of the points.
+fn surface(ground: &Ground<'_>, monitor: &Monitor) -> Result<Raster<f32>> {
+    let raster = heights_of_cells(ground, monitor)?;
+    let raster = match ground.holes {
+        Holes::Nearest => fill_holes(raster, monitor)?,
+        Holes::Membrane => membrane(raster, monitor)?,
+    };
+    match ground.params.median {
+        1 => Ok(raster),
+        width => median(raster, width, monitor),
+    }
+}
+
 /// A raster below all points: the percentile of the ground points' heights in each cell, NaN in cells without any.
-fn heights_of_cells(
-    points: &Points,
-    is_ground: &[bool],
-    params: &ElevationParams,
-    monitor: &Monitor,
-) -> Result<Raster> {
+fn heights_of_cells(ground: &Ground<'_>, monitor: &Monitor) -> Result<Raster<f32>> {
+    let Ground { points, is_ground, params, .. } = *ground;
     params.validate()?;
     check_mask(points.len(), is_ground)?;
     if !is_ground.contains(&true) {
@@ -151,27 +186,25 @@ fn heights_of_cells(
     let high = [&positions.x, &positions.y].map(|axis| axis.iter().fold(f32::NEG_INFINITY, |m, &v| m.max(v)));
     let world = |v: [f32; 2]| [0, 1].map(|a| f64::from(v[a]) + frame.origin[a]);
     let mut raster = Raster::over(world(low), world(high), params.cell)?;
+    // By cell, then by height.
     let key = |i: usize| {
         let [x, y, _] = points.world(i);
-        (raster.cell_of([x, y]) as u32, ascending(positions.z[i]))
+        (raster.cell_of([x, y]) as u64) << 32 | u64::from(ascending(positions.z[i]))
     };
-    let parts = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
-        let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
-        Ok(range.filter(|&i| is_ground[i]).map(key).collect::<Vec<(u32, u32)>>())
-    })?;
-    let mut keys = concat_watched(parts, monitor)?;
-    sort_watched(&mut keys, monitor)?;
+    let mut keys = Vec::with_capacity(is_ground.iter().filter(|&&is_ground| is_ground).count());
+    for piece in watched(points.len(), monitor) {
+        keys.extend(piece?.filter(|&i| is_ground[i]).map(key));
+    }
+    let bits = Bits { from: 32, count: raster.values().len().ilog2() + 1 };
+    radix_sort(&mut keys, bits, |key| *key, monitor)?;
     let mut looks = Looks::at(monitor);
-    for cell in keys.chunk_by(|a, b| a.0 == b.0) {
+    for cell in keys.chunk_by_mut(|a, b| a >> 32 == b >> 32) {
         looks.steps(cell.len())?;
-        let (index, z) = cell[(params.percentile * (cell.len() - 1) as f64) as usize];
-        raster.values_mut()[index as usize] = f64::from(descended(z)) + frame.origin[2];
+        let place = (params.percentile * (cell.len() - 1) as f64) as usize;
+        let key = *cell.select_nth_unstable(place).1;
+        raster.values_mut()[(key >> 32) as usize] = descended(key as u32);
     }
     Ok(raster)
-}
-
-fn smoothed(raster: Raster, params: &ElevationParams, monitor: &Monitor) -> Result<Raster> {
-    if params.median == 1 { Ok(raster) } else { median(raster, params.median, monitor) }
 }
 
 /// Checks that a mask has one value a point.

@@ -1,6 +1,6 @@
 //! Holes of a raster filled by a membrane stretched between their edges.
 
-use crate::cloud::Raster;
+use crate::cloud::{Height, Raster};
 use crate::error::Result;
 use crate::parallel::{Monitor, concat_watched, fill_parts, map_ordered};
 
@@ -18,20 +18,20 @@ const ROWS: usize = 128;
 ///
 /// # Errors
 /// If the work was cancelled.
-pub(super) fn membrane(raster: Raster, monitor: &Monitor) -> Result<Raster> {
+pub(super) fn membrane<T: Height>(raster: Raster<T>, monitor: &Monitor) -> Result<Raster<T>> {
     monitor.check()?;
-    let holes = raster.values().iter().filter(|v| v.is_nan()).count();
+    let holes = raster.values().iter().filter(|v| v.is_hole()).count();
     if holes == 0 || holes == raster.values().len() {
         return Ok(raster);
     }
     let coarse = membrane(halved(&raster, monitor)?, monitor)?;
-    let hole: Vec<bool> = raster.values().iter().map(|v| v.is_nan()).collect();
+    let hole: Vec<bool> = raster.values().iter().map(|v| v.is_hole()).collect();
     let mut start = raster;
     let (cell, columns) = (start.cell(), start.columns());
     fill_parts(start.values_mut(), columns, monitor, |r, row| {
         let y = coarse.origin()[1] + (r as f64 + 0.5) * cell;
-        let at = |c: usize| coarse.bilinear([coarse.origin()[0] + (c as f64 + 0.5) * cell, y]);
-        row.iter_mut().enumerate().filter(|(_, v)| v.is_nan()).for_each(|(c, v)| *v = at(c));
+        let at = |c: usize| T::nearest(coarse.bilinear([coarse.origin()[0] + (c as f64 + 0.5) * cell, y]));
+        row.iter_mut().enumerate().filter(|(_, v)| v.is_hole()).for_each(|(c, v)| *v = at(c));
     })?;
     drop(coarse);
     let parts = start.rows().div_ceil(ROWS);
@@ -45,24 +45,24 @@ pub(super) fn membrane(raster: Raster, monitor: &Monitor) -> Result<Raster> {
 }
 
 /// The raster with cells of twice the edge, each the mean of the heights in it.
-fn halved(raster: &Raster, monitor: &Monitor) -> Result<Raster> {
+fn halved<T: Height>(raster: &Raster<T>, monitor: &Monitor) -> Result<Raster<T>> {
     let (rows, columns) = (raster.rows(), raster.columns());
     let lines = map_ordered(rows.div_ceil(2), monitor, |r| {
         let mean = |c: usize| {
             let inside = (2 * r..(2 * r + 2).min(rows)).map(|row| row * columns);
             let heights = inside.flat_map(|row| &raster.values()[row + 2 * c..row + (2 * c + 2).min(columns)]);
-            let [sum, count] =
-                heights.filter(|v| !v.is_nan()).fold([0.0, 0.0], |[sum, count], v| [sum + v, count + 1.0]);
-            sum / count
+            let given = heights.map(|&v| -> f64 { v.into() }).filter(|v| !v.is_nan());
+            let [sum, count] = given.fold([0.0, 0.0], |[sum, count], v| [sum + v, count + 1.0]);
+            T::nearest(sum / count)
         };
-        Ok((0..columns.div_ceil(2)).map(mean).collect::<Vec<f64>>())
+        Ok((0..columns.div_ceil(2)).map(mean).collect::<Vec<T>>())
     })?;
     Raster::new(raster.origin(), 2.0 * raster.cell(), columns.div_ceil(2), concat_watched(lines, monitor)?)
 }
 
 /// The heights of the holes in some rows, relaxed from the start. The rows around that the sweeps reach are relaxed too, so
 /// that the result does not depend on the division into parts.
-fn relaxed(start: &Raster, hole: &[bool], part: usize) -> Vec<f64> {
+fn relaxed<T: Height>(start: &Raster<T>, hole: &[bool], part: usize) -> Vec<T> {
     let (rows, columns) = (start.rows(), start.columns());
     let part = part * ROWS..((part + 1) * ROWS).min(rows);
     let [low, high] = [part.start.saturating_sub(SWEEPS), (part.end + SWEEPS).min(rows)];
@@ -77,7 +77,8 @@ fn relaxed(start: &Raster, hole: &[bool], part: usize) -> Vec<f64> {
             let east = if column + 1 == columns { i } else { i + 1 };
             let south = if i < columns { i } else { i - columns };
             let north = if i + columns < old.len() { i + columns } else { i };
-            new[i] = 0.25 * (old[west] + old[east] + old[south] + old[north]);
+            let [west, east, south, north]: [f64; 4] = [west, east, south, north].map(|near| old[near].into());
+            new[i] = T::nearest(0.25 * (west + east + south + north));
         }
         std::mem::swap(&mut old, &mut new);
     }

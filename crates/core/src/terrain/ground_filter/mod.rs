@@ -11,11 +11,10 @@ mod window;
 
 pub use params::{GroundMethod, GroundParams};
 
-use super::elevation::ElevationModel;
 use super::sites::by_site;
 use crate::cloud::{Points, Raster};
 use crate::error::{Error, Result};
-use crate::parallel::{Looks, Monitor, fill_parts, map_ordered};
+use crate::parallel::{Looks, Monitor, fill_parts};
 
 /// Points of a block.
 const BLOCK: usize = 16_384;
@@ -57,26 +56,23 @@ fn of_site(points: &Points, params: &GroundParams, monitor: &Monitor) -> Result<
     let lowest = lowest(points, params.cell, monitor)?;
     let surface = match params.method {
         GroundMethod::Morphological => morphological::bare(lowest, params, monitor)?,
-        GroundMethod::Refined => refined::surface(&lowest, params, monitor)?,
+        GroundMethod::Refined => refined::surface(lowest, params, monitor)?,
     };
-    let ground = ElevationModel::from_raster(surface, monitor)?;
-    let heights = ground.heights(points, monitor)?;
-    let steepness = steepness(ground.raster(), monitor)?;
-    let parts = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
-        let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
-        monitor.advance(range.len() as u64);
-        let near = |i: usize| {
+    let steepness = steepness(&surface, monitor)?;
+    let mut ground = vec![false; points.len()];
+    fill_parts(&mut ground, BLOCK, monitor, |block, part| {
+        monitor.advance(part.len() as u64);
+        for (is_ground, i) in part.iter_mut().zip(block * BLOCK..) {
             let [x, y, _] = points.world(i);
-            let slope = steepness[ground.raster().cell_of([x, y])];
-            f64::from(heights[i].abs()) <= params.tolerance(slope)
-        };
-        Ok(range.map(near).collect::<Vec<bool>>())
+            let above = f64::from(points.positions.z[i]) - surface.bilinear([x, y]);
+            *is_ground = above.abs() <= params.tolerance(steepness[surface.cell_of([x, y])].into());
+        }
     })?;
-    Ok(parts.concat())
+    Ok(ground)
 }
 
-/// The lowest height in each cell; a hole where there is no point.
-fn lowest(points: &Points, cell: f64, monitor: &Monitor) -> Result<Raster> {
+/// The lowest height in each cell above the origin of the points; a hole where there is no point.
+fn lowest(points: &Points, cell: f64, monitor: &Monitor) -> Result<Raster<f32>> {
     if points.is_empty() {
         return Err(Error::input("no points: the ground of an empty cloud is unknown"));
     }
@@ -85,31 +81,31 @@ fn lowest(points: &Points, cell: f64, monitor: &Monitor) -> Result<Raster> {
         let of = |axis: &[f32]| axis.iter().fold(start, |m, &v| pick(m, v));
         [f64::from(of(&positions.x)) + frame.origin[0], f64::from(of(&positions.y)) + frame.origin[1]]
     };
-    let mut raster = Raster::over(extreme(f32::min, f32::INFINITY), extreme(f32::max, f32::NEG_INFINITY), cell)?;
+    let mut raster = Raster::<f32>::over(extreme(f32::min, f32::INFINITY), extreme(f32::max, f32::NEG_INFINITY), cell)?;
     let mut looks = Looks::at(monitor);
     for i in 0..points.len() {
         looks.step()?;
-        let [x, y, z] = points.world(i);
+        let [x, y, _] = points.world(i);
         let cell = raster.cell_of([x, y]);
         let height = &mut raster.values_mut()[cell];
-        *height = height.min(z);
+        *height = height.min(positions.z[i]);
     }
     Ok(raster)
 }
 
 /// Slope (rise over run) at each cell, from differences of its neighbours.
-fn steepness(raster: &Raster, monitor: &Monitor) -> Result<Vec<f64>> {
+fn steepness(raster: &Raster<f32>, monitor: &Monitor) -> Result<Vec<f32>> {
     let (rows, columns, z) = (raster.rows(), raster.columns(), raster.values());
     let difference = |a: usize, b: usize, steps: usize| match steps {
         0 => 0.0,
-        _ => (z[b] - z[a]) / (steps as f64 * raster.cell()),
+        _ => (f64::from(z[b]) - f64::from(z[a])) / (steps as f64 * raster.cell()),
     };
     let at = |r: usize, c: usize| {
         let (west, east) = (c.saturating_sub(1), (c + 1).min(columns - 1));
         let (south, north) = (r.saturating_sub(1), (r + 1).min(rows - 1));
         let x = difference(r * columns + west, r * columns + east, east - west);
         let y = difference(south * columns + c, north * columns + c, north - south);
-        (x * x + y * y).sqrt()
+        (x * x + y * y).sqrt() as f32
     };
     let mut slopes = vec![0.0; z.len()];
     fill_parts(&mut slopes, columns, monitor, |r, line| {

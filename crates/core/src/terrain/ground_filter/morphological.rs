@@ -10,33 +10,37 @@ use crate::terrain::smooth::fill_holes;
 /// A cell lower than the closing of its surroundings by more than this many cell edges is noise.
 const PIT: f64 = 5.0;
 
-/// The lowest heights, with holes where there are objects.
-pub(super) fn bare(lowest: Raster, params: &GroundParams, monitor: &Monitor) -> Result<Raster> {
+/// The lowest heights; those of objects are the nearest others.
+pub(super) fn bare(lowest: Raster<f32>, params: &GroundParams, monitor: &Monitor) -> Result<Raster<f32>> {
     let lowest = fill_holes(lowest, monitor)?;
     let columns = lowest.columns();
-    let Levelled { mut surface, pit: mut object } = levelled(&lowest, monitor)?;
+    let Levelled { mut surface, pit: mut object } = levelled(lowest.clone(), monitor)?;
     for reach in 1..=(params.window / params.cell) as usize {
-        let opened = Window::square(columns, reach).opened(&surface, monitor)?;
+        let opened = Window::square(columns, reach).opened(surface.values(), monitor)?;
         let most = params.slope * reach as f64 * params.cell;
-        object.iter_mut().zip(surface.iter().zip(&opened)).for_each(|(object, (s, o))| *object |= s - o > most);
-        surface = opened;
+        object.iter_mut().zip(surface.values().iter().zip(&opened)).for_each(|(object, (&s, &o))| {
+            *object |= f64::from(s) - f64::from(o) > most;
+        });
+        surface = surface.with_values(opened);
     }
-    let kept = lowest.values().iter().zip(&object).map(|(&z, &object)| if object { f64::NAN } else { z }).collect();
-    Ok(lowest.with_values(kept))
+    let kept = lowest.values().iter().zip(&object).map(|(&z, &object)| if object { f32::NAN } else { z }).collect();
+    fill_holes(lowest.with_values(kept), monitor)
 }
 
 /// Heights without pits of noise, and where those were.
 struct Levelled {
-    surface: Vec<f64>,
+    surface: Raster<f32>,
     pit: Vec<bool>,
 }
 
 /// Raises pits of noise to the closing of their surroundings.
-fn levelled(filled: &Raster, monitor: &Monitor) -> Result<Levelled> {
-    let mut surface = filled.values().to_vec();
-    let closed = Window::square(filled.columns(), 1).closed(&surface, monitor)?;
-    let pit: Vec<bool> = surface.iter().zip(&closed).map(|(s, c)| c - s > PIT * filled.cell()).collect();
-    surface.iter_mut().zip(&closed).zip(&pit).for_each(|((s, c), &pit)| *s = if pit { *c } else { *s });
+fn levelled(mut surface: Raster<f32>, monitor: &Monitor) -> Result<Levelled> {
+    let closed = Window::square(surface.columns(), 1).closed(surface.values(), monitor)?;
+    let deep = PIT * surface.cell();
+    let heights = surface.values().iter().zip(&closed);
+    let pit: Vec<bool> = heights.map(|(&s, &c)| f64::from(c) - f64::from(s) > deep).collect();
+    let heights = surface.values_mut().iter_mut().zip(&closed);
+    heights.zip(&pit).filter(|(_, pit)| **pit).for_each(|((s, c), _)| *s = *c);
     Ok(Levelled { surface, pit })
 }
 
@@ -44,17 +48,17 @@ fn levelled(filled: &Raster, monitor: &Monitor) -> Result<Levelled> {
 /// steeper than this the cell is an object. Infinite for pits of noise.
 ///
 /// The reach grows from 1 by a fifth, rounded up: 1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 18, 22, 27, ... cells.
-pub(super) fn prominence(filled: Raster, window: f64, monitor: &Monitor) -> Result<Vec<f64>> {
+pub(super) fn prominence(filled: Raster<f32>, window: f64, monitor: &Monitor) -> Result<Vec<f32>> {
     let (columns, cell) = (filled.columns(), filled.cell());
-    let Levelled { mut surface, pit } = levelled(&filled, monitor)?;
-    drop(filled);
-    let mut most: Vec<f64> = pit.iter().map(|&pit| if pit { f64::INFINITY } else { 0.0 }).collect();
+    let Levelled { mut surface, pit } = levelled(filled, monitor)?;
+    let mut most: Vec<f32> = pit.into_iter().map(|pit| if pit { f32::INFINITY } else { 0.0 }).collect();
     let mut reach = 1;
     while reach as f64 * cell <= window {
-        let opened = Window::octagon(columns, reach).opened(&surface, monitor)?;
-        let run = reach as f64 * cell;
-        most.iter_mut().zip(surface.iter().zip(&opened)).for_each(|(most, (s, o))| *most = most.max((s - o) / run));
-        surface = opened;
+        let opened = Window::octagon(columns, reach).opened(surface.values(), monitor)?;
+        let run = (reach as f64 * cell) as f32;
+        let heights = surface.values().iter().zip(&opened);
+        most.iter_mut().zip(heights).for_each(|(most, (s, o))| *most = most.max((s - o) / run));
+        surface = surface.with_values(opened);
         reach += reach.div_ceil(5);
     }
     Ok(most)

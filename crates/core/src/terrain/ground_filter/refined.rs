@@ -19,11 +19,11 @@ const NEAR: usize = 1;
 const STEEPEST: f64 = 1.0;
 
 /// The height of the ground at every cell, from the lowest heights (with holes).
-pub(super) fn surface(lowest: &Raster, params: &GroundParams, monitor: &Monitor) -> Result<Raster> {
+pub(super) fn surface(lowest: Raster<f32>, params: &GroundParams, monitor: &Monitor) -> Result<Raster<f32>> {
     let most = prominence(membrane(lowest.clone(), monitor)?, params.window, monitor)?;
-    let terrain = membrane(kept(lowest, &most, |_| params.slope), monitor)?;
+    let terrain = membrane(kept(&lowest, &most, |_| params.slope), monitor)?;
     let around = steepness(&blurred(terrain, AROUND, monitor)?, monitor)?;
-    let ground = kept(lowest, &most, |i| params.slope + params.relief * around[i].min(STEEPEST));
+    let ground = kept(&lowest, &most, |i| params.slope + params.relief * f64::from(around[i]).min(STEEPEST));
     drop((most, around));
     let ground = without_roofs(ground, params, monitor)?;
     let ground = membrane(without_bumps(ground, params, monitor)?, monitor)?;
@@ -31,9 +31,9 @@ pub(super) fn surface(lowest: &Raster, params: &GroundParams, monitor: &Monitor)
 }
 
 /// The heights of cells that no opening lowers by more than the slope of the cell; all heights if there is no such cell.
-fn kept(lowest: &Raster, most: &[f64], slope: impl Fn(usize) -> f64) -> Raster {
+fn kept(lowest: &Raster<f32>, most: &[f32], slope: impl Fn(usize) -> f64) -> Raster<f32> {
     let values = lowest.values().iter().zip(most).enumerate();
-    let kept: Vec<f64> = values.map(|(i, (&z, most))| if *most > slope(i) { f64::NAN } else { z }).collect();
+    let kept: Vec<f32> = values.map(|(i, (&z, &most))| if f64::from(most) > slope(i) { f32::NAN } else { z }).collect();
     match kept.iter().all(|z| z.is_nan()) {
         true => lowest.clone(),
         false => Raster::of(lowest, kept),
@@ -41,18 +41,28 @@ fn kept(lowest: &Raster, most: &[f64], slope: impl Fn(usize) -> f64) -> Raster {
 }
 
 /// Without the cells that stand out from the averaged ground: vegetation and remains of walls.
-fn without_bumps(mut ground: Raster, params: &GroundParams, monitor: &Monitor) -> Result<Raster> {
+fn without_bumps(mut ground: Raster<f32>, params: &GroundParams, monitor: &Monitor) -> Result<Raster<f32>> {
     let average = blurred(membrane(ground.clone(), monitor)?, NEAR, monitor)?;
     let slope = steepness(&average, monitor)?;
     let above = ground.values_mut().iter_mut().zip(average.values().iter().zip(&slope));
-    above.filter(|(z, (a, slope))| **z - **a > params.tolerance(**slope)).for_each(|(z, _)| *z = f64::NAN);
+    let stands_out =
+        |z: f32, average: f32, slope: f32| f64::from(z) - f64::from(average) > params.tolerance(slope.into());
+    above.filter(|(z, (a, slope))| stands_out(**z, **a, **slope)).for_each(|(z, _)| *z = f32::NAN);
     Ok(ground)
 }
 
 /// All cells whose lowest height lies on the ground, those too that were taken for objects: edges of steep terrain.
-fn on_ground(lowest: &Raster, ground: &Raster, params: &GroundParams, monitor: &Monitor) -> Result<Raster> {
+fn on_ground(
+    mut lowest: Raster<f32>,
+    ground: &Raster<f32>,
+    params: &GroundParams,
+    monitor: &Monitor,
+) -> Result<Raster<f32>> {
     let slope = steepness(ground, monitor)?;
-    let apart = lowest.values().iter().zip(ground.values().iter().zip(&slope));
-    let on = apart.map(|(&z, (g, slope))| if (z - g).abs() > params.tolerance(*slope) { f64::NAN } else { z });
-    Ok(Raster::of(lowest, on.collect()))
+    for (z, (g, slope)) in lowest.values_mut().iter_mut().zip(ground.values().iter().zip(slope)) {
+        if (f64::from(*z) - f64::from(*g)).abs() > params.tolerance(slope.into()) {
+            *z = f32::NAN;
+        }
+    }
+    Ok(lowest)
 }

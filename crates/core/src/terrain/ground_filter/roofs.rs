@@ -8,7 +8,7 @@ use super::GroundParams;
 use crate::cloud::Raster;
 use crate::error::Result;
 use crate::graph::UnionFind;
-use crate::parallel::{Monitor, map_watched, watched};
+use crate::parallel::{Monitor, watched};
 use crate::terrain::holes::nearest_filled;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -34,7 +34,7 @@ const ROUNDS: usize = 4;
 ///
 /// # Errors
 /// If the work was cancelled.
-pub(super) fn without_roofs(mut ground: Raster, params: &GroundParams, monitor: &Monitor) -> Result<Raster> {
+pub(super) fn without_roofs(mut ground: Raster<f32>, params: &GroundParams, monitor: &Monitor) -> Result<Raster<f32>> {
     let given: Vec<bool> = ground.values().iter().map(|z| !z.is_nan()).collect();
     if params.wall == 0.0 || !given.contains(&true) {
         return Ok(ground);
@@ -45,13 +45,13 @@ pub(super) fn without_roofs(mut ground: Raster, params: &GroundParams, monitor: 
     let least = (params.window / params.cell).powi(2);
     let roofs = heights.roofs(&part, least, monitor)?;
     let values = ground.values_mut().iter_mut().zip(&part);
-    values.filter(|(_, part)| roofs.contains(part)).for_each(|(z, _)| *z = f64::NAN);
+    values.filter(|(_, part)| roofs.contains(part)).for_each(|(z, _)| *z = f32::NAN);
     Ok(ground)
 }
 
 /// Heights with holes, and for each cell the nearest one with a height.
 struct Heights<'a> {
-    ground: &'a Raster,
+    ground: &'a Raster<f32>,
     nearest: Vec<u32>,
     /// Least height of a wall, metres.
     wall: f64,
@@ -129,7 +129,7 @@ impl Heights<'_> {
         let columns = self.ground.columns();
         let apart = |f: fn(usize, usize) -> usize| f(a, columns).abs_diff(f(b, columns)) as f64;
         let distance = (apart(|i, n| i % n).powi(2) + apart(|i, n| i / n).powi(2)).sqrt() * self.ground.cell();
-        let step = match z[high] - z[low] {
+        let step = match f64::from(z[high]) - f64::from(z[low]) {
             _ if distance > FAR => Step::Between,
             height if height >= self.wall.max(STEEPEST * distance) => Step::Wall,
             height if height <= STEP + SLOPE * distance => Step::Level,
@@ -166,8 +166,9 @@ impl Heights<'_> {
                 joined.unite(pair.low as u32, pair.high as u32);
             }
         })?;
-        let roots = joined.roots(monitor)?;
-        let part = map_watched(cells, monitor, |i| if near[i] { NONE } else { roots[i] })?;
+        let mut part = joined.roots(monitor)?;
+        drop(joined);
+        part.iter_mut().zip(near).filter(|(_, near)| *near).for_each(|(part, _)| *part = NONE);
         self.grown(part, monitor).map(Some)
     }
 
@@ -244,7 +245,7 @@ impl Heights<'_> {
                 return false;
             }
             let beyond = self.nearest[y as usize * columns + x as usize] as usize;
-            other(beyond) && z[wall.high] - z[beyond] <= 0.5 * self.wall
+            other(beyond) && f64::from(z[wall.high]) - f64::from(z[beyond]) <= 0.5 * self.wall
         })
     }
 

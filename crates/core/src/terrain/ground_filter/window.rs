@@ -45,7 +45,7 @@ impl Window {
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(super) fn opened(self, values: &[f64], monitor: &Monitor) -> Result<Vec<f64>> {
+    pub(super) fn opened(self, values: &[f32], monitor: &Monitor) -> Result<Vec<f32>> {
         self.filtered(&self.filtered(values, Extreme::Least, monitor)?, Extreme::Greatest, monitor)
     }
 
@@ -53,17 +53,17 @@ impl Window {
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(super) fn closed(self, values: &[f64], monitor: &Monitor) -> Result<Vec<f64>> {
+    pub(super) fn closed(self, values: &[f32], monitor: &Monitor) -> Result<Vec<f32>> {
         self.filtered(&self.filtered(values, Extreme::Greatest, monitor)?, Extreme::Least, monitor)
     }
 
-    fn filtered(self, values: &[f64], extreme: Extreme, monitor: &Monitor) -> Result<Vec<f64>> {
+    fn filtered(self, values: &[f32], extreme: Extreme, monitor: &Monitor) -> Result<Vec<f32>> {
         let (rows, mut found) = (values.len() / self.columns, vec![0.0; values.len()]);
         fill_parts(&mut found, ROWS * self.columns, monitor, |number, part| {
             let own = number * ROWS..((number + 1) * ROWS).min(rows);
             part.copy_from_slice(&match extreme {
-                Extreme::Least => self.of_rows(values, own, f64::INFINITY, |a, b| if a < b { a } else { b }),
-                Extreme::Greatest => self.of_rows(values, own, f64::NEG_INFINITY, |a, b| if a > b { a } else { b }),
+                Extreme::Least => self.of_rows(values, own, f32::INFINITY, |a, b| if a < b { a } else { b }),
+                Extreme::Greatest => self.of_rows(values, own, f32::NEG_INFINITY, |a, b| if a > b { a } else { b }),
             });
         })?;
         Ok(found)
@@ -71,7 +71,7 @@ impl Window {
 
     /// The extreme values of some rows: first along all rows that their windows reach, then across them and along the
     /// diagonals. `outside` is never an extreme value.
-    fn of_rows(self, values: &[f64], rows: Range<usize>, outside: f64, better: impl Fn(f64, f64) -> f64) -> Vec<f64> {
+    fn of_rows(self, values: &[f32], rows: Range<usize>, outside: f32, better: impl Fn(f32, f32) -> f32) -> Vec<f32> {
         let Self { columns, square, diagonal } = self;
         let (reach, width) = (self.reach(), columns + 2 * self.reach());
         let mut block = vec![outside; (rows.len() + 2 * reach) * width];
@@ -92,7 +92,7 @@ impl Window {
 
 /// Replaces each cell by the extreme value of the `count` cells, `step` apart, that begin there. Windows of 1, 2, 4, ...
 /// cells are joined in pairs, and two that overlap give the last width, all in vector instructions.
-fn slide(cells: &mut [f64], step: usize, count: usize, better: &impl Fn(f64, f64) -> f64) {
+fn slide(cells: &mut [f32], step: usize, count: usize, better: &impl Fn(f32, f32) -> f32) {
     let mut join = |span: usize| {
         for i in 0..cells.len() - span * step {
             cells[i] = better(cells[i], cells[i + span * step]);
@@ -117,7 +117,7 @@ mod tests {
     fn windows_have_the_extremes_that_looking_everywhere_finds() {
         let mut s = stream(5, 1);
         for [columns, rows, reach] in [[1, 1, 3], [70, 3, 1], [3, 130, 2], [65, 66, 5], [20, 90, 30], [7, 600, 9]] {
-            let values: Vec<f64> = (0..columns * rows).map(|_| (s.uniform() * 20.0).floor()).collect();
+            let values: Vec<f32> = (0..columns * rows).map(|_| (s.uniform() * 20.0).floor() as f32).collect();
             for window in [Window::square(columns, reach), Window::octagon(columns, reach)] {
                 let around = |i: usize| {
                     let (r, c) = (i / columns, i % columns);
@@ -131,8 +131,8 @@ mod tests {
                 let least = window.filtered(&values, Extreme::Least, &Monitor::default()).unwrap();
                 let greatest = window.filtered(&values, Extreme::Greatest, &Monitor::default()).unwrap();
                 for i in 0..values.len() {
-                    assert_eq!(least[i], around(i).fold(f64::INFINITY, f64::min), "{window:?} {rows} at {i}");
-                    assert_eq!(greatest[i], around(i).fold(f64::NEG_INFINITY, f64::max));
+                    assert_eq!(least[i], around(i).fold(f32::INFINITY, f32::min), "{window:?} {rows} at {i}");
+                    assert_eq!(greatest[i], around(i).fold(f32::NEG_INFINITY, f32::max));
                 }
             }
         }
@@ -141,7 +141,7 @@ mod tests {
     #[test]
     fn openings_lower_and_closings_raise_and_both_do_it_once() {
         let mut s = stream(5, 2);
-        let values: Vec<f64> = (0..40 * 30).map(|_| s.uniform()).collect();
+        let values: Vec<f32> = (0..40 * 30).map(|_| s.uniform() as f32).collect();
         let (window, monitor) = (Window::octagon(40, 3), Monitor::default());
         let (opened, closed) = (window.opened(&values, &monitor).unwrap(), window.closed(&values, &monitor).unwrap());
         assert!(values.iter().zip(&opened).all(|(v, o)| o <= v) && values.iter().zip(&closed).all(|(v, c)| c >= v));
