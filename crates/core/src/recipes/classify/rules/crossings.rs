@@ -3,14 +3,13 @@
 //!
 //! They keep their class, for culverts and steep dams look the same. Only a warning says where they are.
 
-use super::plan::{AXES, SPACINGS, block, cell_edge, groups, length, pieces, plan_cell, quantile};
+use super::plan::{AXES, PlanRows, SPACINGS, block, cell_edge, each_cell, groups, length, pieces, quantile};
 use super::raised::Land;
 use super::{BUILDING, GROUND};
 use crate::error::Result;
 use crate::parallel::{Monitor, map_watched};
-use crate::voxels::cells::Cells;
 use crate::voxels::cells::index::CellIndex;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
 
 /// Least edge of a cell, metres; also [`SPACINGS`] point spacings.
@@ -61,20 +60,20 @@ pub(super) fn crossings(land: &Land<'_>, monitor: &Monitor) -> Result<Vec<Crossi
     let is_used = |&row: &u32| matches!(code(row), GROUND | BUILDING) || code(row) == free;
     let used: Vec<u32> = (0..points.len() as u32).filter(is_used).collect();
     let edge = cell_edge(CELL, SPACINGS, density);
-    let cells = Cells::new(used.len(), |i| plan_cell(points, used[i], edge), monitor)?;
-    let rows = |cell: usize| cells.of(cell).iter().map(|&i| used[i as usize]);
+    let cells = PlanRows::new(points, used, edge, monitor)?;
+    let rows = |cell: usize| cells.of(cell).iter().copied();
     let surface = |cell: usize| {
-        let z = |row: u32| f64::from(points.positions.z[row as usize]);
+        let z = |row: u32| points.positions.z[row as usize];
         let ground = || rows(cell).filter(|&row| code(row) == GROUND).map(z);
         Surface {
-            height: quantile(&mut rows(cell).map(z).collect::<Vec<f64>>(), 0.5),
-            lowest: ground().fold(f64::INFINITY, f64::min),
-            highest: ground().fold(f64::NEG_INFINITY, f64::max),
+            height: quantile(&mut rows(cell).map(|row| f64::from(z(row))).collect::<Vec<f64>>(), 0.5) as f32,
+            lowest: ground().fold(f32::INFINITY, f32::min),
+            highest: ground().fold(f32::NEG_INFINITY, f32::max),
             bare: rows(cell).all(|row| code(row) == GROUND),
         }
     };
     let surfaces = map_watched(cells.len(), monitor, surface)?;
-    let scene = Scene { index: CellIndex::new(cells.keys.clone()), surfaces, edge };
+    let scene = Scene { index: &cells.index, surfaces, edge };
     let crossing =
         |place: Place| Some(Crossing { row: rows(place.cell).next()?, width: place.width, fall: place.fall });
     let mut crossings: Vec<Crossing> = scene.places(monitor)?.into_iter().filter_map(crossing).collect();
@@ -86,17 +85,17 @@ pub(super) fn crossings(land: &Land<'_>, monitor: &Monitor) -> Result<Vec<Crossi
 #[derive(Clone, Copy, Debug, Default)]
 struct Surface {
     /// Half of its points are lower.
-    height: f64,
+    height: f32,
     /// The lowest and the highest point of ground; infinite without one.
-    lowest: f64,
-    highest: f64,
+    lowest: f32,
+    highest: f32,
     /// Whether all its points are ground.
     bare: bool,
 }
 
 /// The cells of a cloud.
-struct Scene {
-    index: CellIndex<[i32; 2]>,
+struct Scene<'a> {
+    index: &'a CellIndex<[i32; 2]>,
     surfaces: Vec<Surface>,
     /// Edge of a cell, metres.
     edge: f64,
@@ -135,27 +134,27 @@ struct Place {
     fall: f64,
 }
 
-impl Scene {
+impl Scene<'_> {
     /// One cell for each way, in its middle.
     fn places(&self, monitor: &Monitor) -> Result<Vec<Place>> {
         let strips_of = |brink: usize| {
             let axes = AXES.into_iter().chain(BETWEEN);
             axes.filter_map(|direction| self.strip(brink, direction)).collect::<Vec<Strip>>()
         };
-        let mut places: Vec<Option<Place>> = vec![None; self.surfaces.len()];
-        for strip in map_watched(self.surfaces.len(), monitor, strips_of)?.into_iter().flatten() {
+        let mut places = BTreeMap::<usize, Place>::new();
+        for strip in each_cell(self.surfaces.len(), monitor, strips_of)? {
             for cell in strip.cells {
-                let [width, fall] = places[cell].map_or([f64::MAX, 0.0], |place| [place.width, place.fall]);
-                places[cell] = Some(Place { cell, width: strip.width.min(width), fall: strip.fall.max(fall) });
+                let place = places.entry(cell).or_insert(Place { cell, width: f64::MAX, fall: 0.0 });
+                (place.width, place.fall) = (place.width.min(strip.width), place.fall.max(strip.fall));
             }
         }
-        let cells = (0..places.len()).filter(|&cell| places[cell].is_some()).collect();
-        let near = |cell: usize| self.within(cell, 1).filter(|&near| places[near].is_some());
+        let cells = places.keys().copied().collect();
+        let near = |cell: usize| self.within(cell, 1).filter(|near| places.contains_key(near));
         let mut ways = groups(cells, near, monitor)?;
         ways.retain(|way| way.len() as f64 * self.edge.powi(2) >= AREA && self.joins(way));
         let place = |way: &Vec<usize>| {
-            let fall = way.iter().filter_map(|&cell| places[cell]).map(|place| place.fall).fold(0.0, f64::max);
-            places[self.middle(way)?].map(|place| Place { fall, ..place })
+            let fall = way.iter().filter_map(|cell| places.get(cell)).map(|place| place.fall).fold(0.0, f64::max);
+            places.get(&self.middle(way)?).map(|place| Place { fall, ..*place })
         };
         Ok(ways.iter().filter_map(place).collect())
     }
@@ -187,32 +186,32 @@ impl Scene {
 
     /// The next cell in a direction that is level with `brink`, or the drop before it.
     fn next(&self, brink: usize, cell: usize, direction: [i32; 2]) -> Option<Next> {
-        let height = self.surfaces[cell].height;
+        let height = self.height(cell);
         let find = |steps: i32| {
             let key = self.ahead(self.index.keys()[cell], direction, steps);
             let near = self.index.find(key)?;
-            if self.surfaces[near].lowest < height - DROP {
+            if f64::from(self.surfaces[near].lowest) < height - DROP {
                 return Some(Next::Drop(Drop { brink: cell, foot: key }));
             }
             let most = LEVEL + GRADE * self.distance(brink, key);
-            ((self.surfaces[near].height - self.surfaces[brink].height).abs() <= most).then_some(Next::Level(near))
+            ((self.height(near) - self.height(brink)).abs() <= most).then_some(Next::Level(near))
         };
         (1..=GAP + 1).find_map(find)
     }
 
     /// The depth of a drop if it is steep and ground rises on both sides along the way.
     fn fall(&self, drop: &Drop, direction: [i32; 2]) -> Option<f64> {
-        let height = self.surfaces[drop.brink].height;
+        let height = self.height(drop.brink);
         let lower = |steps: i32| {
             let near = self.index.find(self.ahead(drop.foot, direction, steps));
-            near.map_or(0.0, |near| height - self.surfaces[near].lowest)
+            near.map_or(0.0, |near| height - f64::from(self.surfaces[near].lowest))
         };
         let deepest = |most: i32| (0..=most).map(lower).fold(0.0, f64::max);
         let fall = deepest(1);
         let cells = (BANK / self.run(direction)) as i32;
         let rises = |along: [i32; 2]| {
             let mut keys = (1..=cells).map(|steps| self.ahead(drop.foot, along, steps));
-            let is_bank = |near: usize| self.surfaces[near].highest >= height - RISE * fall;
+            let is_bank = |near: usize| f64::from(self.surfaces[near].highest) >= height - RISE * fall;
             keys.any(|key| self.index.find(key).is_some_and(is_bank))
         };
         let [x, y] = direction;
@@ -223,7 +222,7 @@ impl Scene {
     /// Whether a way, grown by cells beside it that are not bare, meets bare ground without a step in a few pieces.
     fn joins(&self, way: &[usize]) -> bool {
         let step = LEVEL * self.edge.max(1.0);
-        let is_level = |a: usize, b: usize| (self.surfaces[a].height - self.surfaces[b].height).abs() <= step;
+        let is_level = |a: usize, b: usize| (self.height(a) - self.height(b)).abs() <= step;
         let mut way: BTreeSet<usize> = way.iter().copied().collect();
         for _ in 0..(APPROACH / self.edge) as usize {
             let is_more = |near: usize, cell: usize| !self.surfaces[near].bare && is_level(near, cell);
@@ -247,6 +246,10 @@ impl Scene {
             (key[0] - x).hypot(key[1] - y)
         };
         way.iter().copied().min_by(|a, b| away(a).total_cmp(&away(b)))
+    }
+
+    fn height(&self, cell: usize) -> f64 {
+        f64::from(self.surfaces[cell].height)
     }
 
     fn ahead(&self, key: [i32; 2], direction: [i32; 2], steps: i32) -> [i32; 2] {

@@ -1,13 +1,12 @@
 //! Decks of long bridges, which the trees take for roofs: long, narrow and smooth, level with the ground at both ends and
 //! high above it on both sides.
 
-use super::plan::{AXES, SPACINGS, block, cell_edge, length, plan_cell};
+use super::plan::{AXES, PlanRows, SPACINGS, block, cell_edge, length};
 use super::{BUILDING, GROUND};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::graph::UnionFind;
 use crate::parallel::{Monitor, map_watched, watched};
-use crate::voxels::cells::Cells;
 use crate::voxels::cells::index::{CellIndex, Walk};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -42,7 +41,7 @@ impl Default for DeckParams {
 }
 
 /// A building's points lower than this below the highest of their cell are of a wall, metres.
-const WALL: f64 = 2.0;
+const WALL: f32 = 2.0;
 /// Least length of a deck in widths.
 const NARROW: f64 = 1.5;
 /// Cells without building and ground that are passed on the way to the ground beside a strip.
@@ -84,19 +83,19 @@ impl DeckParams {
         let used: Vec<u32> =
             (0..points.len() as u32).filter(|&row| matches!(code(row as usize), BUILDING | GROUND)).collect();
         let edge = cell_edge(self.cell, SPACINGS, density);
-        let cells = Cells::new(used.len(), |i| plan_cell(points, used[i], edge), monitor)?;
-        let rows = |cell: usize| cells.of(cell).iter().map(|&i| used[i as usize]);
+        let cells = PlanRows::new(points, used, edge, monitor)?;
+        let rows = |cell: usize| cells.of(cell).iter().copied();
         let buildings = |cell: usize| rows(cell).filter(|&row| code(row as usize) == BUILDING);
-        let z = |row: u32| f64::from(points.positions.z[row as usize]);
-        let surface = |cell: usize| match buildings(cell).map(z).reduce(f64::max) {
+        let z = |row: u32| points.positions.z[row as usize];
+        let surface = |cell: usize| match buildings(cell).map(z).reduce(f32::max) {
             Some(top) => {
-                let height = buildings(cell).map(z).filter(|z| *z >= top - WALL).fold(top, f64::min);
+                let height = buildings(cell).map(z).filter(|z| *z >= top - WALL).fold(top, f32::min);
                 Surface { building: true, height }
             }
-            None => Surface { building: false, height: rows(cell).map(z).fold(f64::MIN, f64::max) },
+            None => Surface { building: false, height: rows(cell).map(z).fold(f32::MIN, f32::max) },
         };
         let surfaces = map_watched(cells.len(), monitor, surface)?;
-        let scene = Scene { params: self, index: CellIndex::new(cells.keys.clone()), surfaces, edge };
+        let scene = Scene { params: self, index: &cells.index, surfaces, edge };
         Ok(scene.decks(monitor)?.into_iter().flat_map(buildings).collect())
     }
 }
@@ -105,13 +104,13 @@ impl DeckParams {
 #[derive(Clone, Copy, Debug, Default)]
 struct Surface {
     building: bool,
-    height: f64,
+    height: f32,
 }
 
 /// The cells of a cloud.
 struct Scene<'a> {
     params: &'a DeckParams,
-    index: CellIndex<[i32; 2]>,
+    index: &'a CellIndex<[i32; 2]>,
     surfaces: Vec<Surface>,
     /// Edge of a cell, metres.
     edge: f64,
@@ -193,7 +192,8 @@ impl Scene<'_> {
                 match self.index.find(key).map(|near| self.surfaces[near]) {
                     Some(Surface { building: true, .. }) => gap = 0,
                     Some(ground) => {
-                        let lower = self.surfaces[cell].height - ground.height >= self.params.drop;
+                        let lower =
+                            f64::from(self.surfaces[cell].height) - f64::from(ground.height) >= self.params.drop;
                         return lower.then_some(steps as f64 * run);
                     }
                     None if gap == GAP => return None,
@@ -259,7 +259,7 @@ impl Scene<'_> {
     }
 
     fn step(&self, a: usize, b: usize) -> f64 {
-        (self.surfaces[a].height - self.surfaces[b].height).abs()
+        (f64::from(self.surfaces[a].height) - f64::from(self.surfaces[b].height)).abs()
     }
 }
 

@@ -1,13 +1,12 @@
 //! Buildings that do not stand above the ground around them: hilltops, terraces and decks of bridges, which the trees
 //! take for roofs because they are flat and high.
 
-use super::plan::{SPACINGS, cell_edge, outline, plan_cell};
+use super::plan::{PlanRows, SPACINGS, cell_edge, outline};
 use super::{BUILDING, GROUND};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::graph::UnionFind;
 use crate::parallel::{Monitor, watched};
-use crate::voxels::cells::Cells;
 use crate::voxels::cells::index::Walk;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -132,10 +131,10 @@ impl Step {
 /// Pairs of a component.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pairs {
-    level: usize,
-    drop: usize,
+    level: u32,
+    drop: u32,
     /// Of the level ones.
-    flush: usize,
+    flush: u32,
 }
 
 impl Pairs {
@@ -143,9 +142,9 @@ impl Pairs {
     fn count(&mut self, params: &LevelParams, step: Step, land: bool) {
         let Step { distance, height } = step;
         let level = height.abs() < params.step.max(params.slope * distance);
-        self.level += usize::from(level);
-        self.flush += usize::from(level && land && height.abs() <= FLUSH);
-        self.drop += usize::from(height > params.drop.max(STEEP * distance));
+        self.level += u32::from(level);
+        self.flush += u32::from(level && land && height.abs() <= FLUSH);
+        self.drop += u32::from(height > params.drop.max(STEEP * distance));
     }
 
     fn plus(self, other: Self) -> Self {
@@ -153,8 +152,8 @@ impl Pairs {
     }
 
     /// Whether so many pairs are more than this share of all.
-    fn exceed(&self, pairs: usize, share: f64) -> bool {
-        pairs as f64 > share * (self.level + self.drop) as f64
+    fn exceed(&self, pairs: u32, share: f64) -> bool {
+        f64::from(pairs) > share * f64::from(self.level + self.drop)
     }
 
     /// Whether the component is level with the ground by its share of level or of flush pairs.
@@ -197,9 +196,8 @@ struct Scene<'a> {
     points: &'a Points,
     /// A code for each point of the cloud.
     codes: &'a [u8],
-    /// Rows of `points` that are building or ground; those of a cell are numbers of this list.
-    used: Vec<u32>,
-    cells: Cells<[i32; 2]>,
+    /// Rows of `points` that are building or ground.
+    cells: PlanRows,
     /// Whether each cell holds building.
     building: Vec<bool>,
     /// Edge of a cell, metres.
@@ -249,8 +247,8 @@ impl LevelParams {
         let code = |row: u32| codes[points.frame.index[row as usize] as usize];
         let used: Vec<u32> = (0..points.len() as u32).filter(|&row| matches!(code(row), BUILDING | GROUND)).collect();
         let edge = cell_edge(self.cell, SPACINGS, density);
-        let cells = Cells::new(used.len(), |i| plan_cell(points, used[i], edge), monitor)?;
-        let mut scene = Scene { params: self, points, codes, used, cells, building: Vec::new(), edge };
+        let cells = PlanRows::new(points, used, edge, monitor)?;
+        let mut scene = Scene { params: self, points, codes, cells, building: Vec::new(), edge };
         scene.building = (0..scene.cells.len()).map(|cell| scene.buildings(cell).next().is_some()).collect();
         scene.found(monitor)
     }
@@ -264,7 +262,7 @@ impl Scene<'_> {
 
     /// The rows of a cell.
     fn rows(&self, cell: usize) -> impl Iterator<Item = u32> {
-        self.cells.of(cell).iter().map(|&i| self.used[i as usize])
+        self.cells.of(cell).iter().copied()
     }
 
     /// The rows of a cell that are building.
@@ -302,7 +300,7 @@ impl Scene<'_> {
             (0..self.cells.len()).map(|cell| self.grounds(cell).map(z).fold(f64::INFINITY, f64::min)).collect();
         let step = self.params.step.max(self.params.slope * self.edge);
         let mut pieces = UnionFind::new(lowest.len());
-        let mut walk = Walk::<1>::new(&self.cells.keys, 0);
+        let mut walk = Walk::<1>::new(self.cells.index.keys(), 0);
         for piece in watched(lowest.len(), monitor) {
             for cell in piece?.filter(|&cell| lowest[cell].is_finite()) {
                 walk.around(cell, |near, _| {
@@ -331,13 +329,13 @@ impl Scene<'_> {
         let mut found = LevelRows::default();
         for cell in (0..self.building.len()).filter(|&cell| self.building[cell]) {
             let root = components.root(cell as u32);
-            let pairs = pairs[root as usize];
+            let pairs = pairs[&root];
             let least = self.params.pairs.max(1);
-            if pairs.drop >= least && !pairs.is_level(self.params) {
+            if pairs.drop as usize >= least && !pairs.is_level(self.params) {
                 let list = if enclosing.contains(&root) { &mut found.enclosing } else { &mut found.standing };
                 list.extend(self.buildings(cell));
             }
-            if pairs.level < least || !pairs.is_level(self.params) {
+            if (pairs.level as usize) < least || !pairs.is_level(self.params) {
                 continue;
             }
             let ground = pairs.exceed(pairs.level, self.params.ground);
@@ -355,9 +353,9 @@ impl Scene<'_> {
 
     /// The roots of the components that enclose the scan.
     fn enclosing(&self, components: &mut UnionFind, monitor: &Monitor) -> Result<BTreeSet<u32>> {
-        let all = Extent::of(&self.cells.keys);
+        let all = Extent::of(self.cells.index.keys());
         let mut extents = BTreeMap::<u32, Extent>::new();
-        for (cell, &key) in self.cells.keys.iter().enumerate().filter(|(cell, _)| self.building[*cell]) {
+        for (cell, &key) in self.cells.index.keys().iter().enumerate().filter(|(cell, _)| self.building[*cell]) {
             extents.entry(components.root(cell as u32)).or_insert(Extent::of(&[key])).include(key);
         }
         if !extents.values().any(|extent| extent.spans(&all)) {
@@ -366,7 +364,7 @@ impl Scene<'_> {
         let outline = outline(self.points, self.edge, monitor)?;
         let mut covered = BTreeMap::<u32, usize>::new();
         for key in &outline {
-            if let Some(cell) = self.cells.keys.binary_search(key).ok().filter(|&cell| self.building[cell]) {
+            if let Some(cell) = self.cells.index.find(*key).filter(|&cell| self.building[cell]) {
                 *covered.entry(components.root(cell as u32)).or_default() += 1;
             }
         }
@@ -374,15 +372,15 @@ impl Scene<'_> {
         Ok(covered.into_iter().filter(|(_, cells)| *cells as f64 > most).map(|(root, _)| root).collect())
     }
 
-    /// Joins the building cells to components, and counts the pairs of each at its root.
-    fn pairs(&self, components: &mut UnionFind, monitor: &Monitor) -> Result<Vec<Pairs>> {
+    /// Joins the building cells to components, and counts the pairs of each, by its root.
+    fn pairs(&self, components: &mut UnionFind, monitor: &Monitor) -> Result<BTreeMap<u32, Pairs>> {
         let mut own = vec![Pairs::default(); self.building.len()];
         if self.building.contains(&true) {
             let land = self.land(monitor)?;
             let highest: Vec<f32> = (0..self.building.len()).map(|cell| self.highest(cell)).collect();
             // In thin clouds the highest points of neighbours differ more on any roof.
             let joined = self.params.step.max(if self.wide() { ROOF } else { STEEP } * self.edge);
-            let mut walk = Walk::<1>::new(&self.cells.keys, 0);
+            let mut walk = Walk::<1>::new(self.cells.index.keys(), 0);
             for piece in watched(self.building.len(), monitor) {
                 for cell in piece?.filter(|&cell| self.building[cell]) {
                     let top = self.top(cell);
@@ -402,9 +400,9 @@ impl Scene<'_> {
                 }
             }
         }
-        let mut sums = vec![Pairs::default(); own.len()];
-        for (cell, own) in own.iter().enumerate() {
-            let sum = &mut sums[components.root(cell as u32) as usize];
+        let mut sums = BTreeMap::<u32, Pairs>::new();
+        for (cell, own) in own.iter().enumerate().filter(|(cell, _)| self.building[*cell]) {
+            let sum = sums.entry(components.root(cell as u32)).or_default();
             *sum = sum.plus(*own);
         }
         Ok(sums)

@@ -116,6 +116,15 @@ pub struct ClassRules {
     pub noise_voxel: f64,
 }
 
+/// Points whose classes depend on their height.
+struct Standing<'a> {
+    /// Those of the model.
+    classes: &'a ClassTable,
+    points: &'a Points,
+    /// Whether each of them is noise; empty: none is.
+    isolated: Vec<bool>,
+}
+
 /// What is known when ground and buildings are divided.
 struct Divided {
     /// Of each row of the points above those named ground, metres.
@@ -319,7 +328,12 @@ impl ClassRules {
     ) -> Result<Divided> {
         let index = &points.frame.index;
         let named = result.codes.clone();
-        let mut heights = self.by_height(result, classes, points, monitor)?;
+        let isolated = match self.finds_noise(classes) {
+            true => self.isolated(&points.positions, monitor)?,
+            false => Vec::new(),
+        };
+        let standing = Standing { classes, points, isolated };
+        let heights = self.by_height(result, &standing, monitor)?;
         let level = match self.levels(classes) {
             true => {
                 let found = |rule: &LevelParams, codes: &[u8]| rule.rows(points, codes, result.density, monitor);
@@ -330,12 +344,16 @@ impl ClassRules {
             }
             false => LevelRows::default(),
         };
-        if !level.ground.is_empty() {
-            result.codes = named;
-            level.ground.iter().for_each(|&row| result.codes[index[row as usize] as usize] = GROUND);
-            heights = self.by_height(result, classes, points, monitor)?;
-        }
-        let LevelRows { unknown, enclosing, .. } = level;
+        let LevelRows { ground, unknown, enclosing, .. } = level;
+        let heights = match ground.is_empty() {
+            true => heights,
+            false => {
+                drop(heights);
+                result.codes = named;
+                ground.iter().for_each(|&row| result.codes[index[row as usize] as usize] = GROUND);
+                self.by_height(result, &standing, monitor)?
+            }
+        };
         if !enclosing.is_empty() {
             result.warnings.push(format!(
                 "{} points that look like roofs enclose the scan, and may as well be the land around a pit: they have no class; a \
@@ -347,20 +365,9 @@ impl ClassRules {
     }
 
     /// The rules that need the height above the points that are named ground; returns these heights.
-    fn by_height(
-        &self,
-        result: &mut Classified,
-        classes: &ClassTable,
-        points: &Points,
-        monitor: &Monitor,
-    ) -> Result<Vec<f32>> {
+    fn by_height(&self, result: &mut Classified, standing: &Standing<'_>, monitor: &Monitor) -> Result<Vec<f32>> {
+        let Standing { classes, points, ref isolated } = *standing;
         let index = &points.frame.index;
-        let isolated = match self.finds_noise(classes) {
-            true => self.isolated(&points.positions, monitor)?,
-            false => Vec::new(),
-        };
-        let thin = NOISE_SHARE * isolated.iter().filter(|&&alone| alone).count() > points.len();
-        let isolated = if thin { Vec::new() } else { isolated };
         let isolated = |row: usize| isolated.get(row).copied().unwrap_or(false);
         let ground = |(row, &point): (usize, &u32)| result.codes[point as usize] == GROUND && !isolated(row);
         let ground: Vec<bool> = index.iter().enumerate().map(ground).collect();
@@ -386,7 +393,8 @@ impl ClassRules {
         Ok(heights)
     }
 
-    /// Whether each point has at most [`ClassRules::isolated`] others in the 27 voxels around it.
+    /// Whether each point has at most [`ClassRules::isolated`] others in the 27 voxels around it; empty in clouds that are too
+    /// thin to say.
     fn isolated(&self, points: &Positions, monitor: &Monitor) -> Result<Vec<bool>> {
         let grid = RowGrid::new(points.iter(), self.noise_voxel, "classes.noise_voxel")?;
         let cells = Cells::new(points.len(), |i| grid.key(points.xyz(i)), monitor)?;
@@ -404,7 +412,8 @@ impl ClassRules {
                 own.iter().for_each(|&i| isolated[i as usize] = true);
             }
         }
-        Ok(isolated)
+        let thin = NOISE_SHARE * isolated.iter().filter(|&&alone| alone).count() > points.len();
+        Ok(if thin { Vec::new() } else { isolated })
     }
 }
 

@@ -1,11 +1,14 @@
 //! Cells in plan, which the rules that look at surroundings share.
 
 use crate::cloud::Points;
+use crate::csr::Csr;
 use crate::error::Result;
 use crate::graph::UnionFind;
-use crate::parallel::{Looks, Monitor};
-use crate::voxels::cells::cell_of;
+use crate::parallel::{Looks, Monitor, map_ordered};
+use crate::voxels::cells::index::CellIndex;
+use crate::voxels::cells::{Cells, cell_of};
 use std::collections::{BTreeMap, BTreeSet};
+use std::mem;
 
 /// Spacings of the points to a cell in plan, at least.
 pub(super) const SPACINGS: f64 = 1.5;
@@ -19,6 +22,47 @@ pub(super) fn cell_edge(least: f64, spacings: f64, density: f64) -> f64 {
 pub(in crate::recipes) fn plan_cell(points: &Points, row: u32, edge: f64) -> [i32; 2] {
     let [x, y, _] = points.positions.xyz(row as usize);
     cell_of([x, y].map(|v| f64::from(v) / edge))
+}
+
+/// Rows of points by the occupied cells in plan that hold them.
+pub(super) struct PlanRows {
+    pub(super) index: CellIndex<[i32; 2]>,
+    rows: Csr,
+}
+
+impl PlanRows {
+    /// Of some rows; those of a cell keep their order. O(rows).
+    pub(super) fn new(points: &Points, used: Vec<u32>, edge: f64, monitor: &Monitor) -> Result<Self> {
+        let mut cells = Cells::new(used.len(), |i| plan_cell(points, used[i], edge), monitor)?;
+        cells.items.iter_mut().for_each(|item| *item = used[*item as usize]);
+        let index = CellIndex::new(mem::take(&mut cells.keys));
+        Ok(Self { index, rows: cells.into_groups(points.len())? })
+    }
+
+    /// Number of occupied cells.
+    pub(super) fn len(&self) -> usize {
+        self.index.keys().len()
+    }
+
+    /// The rows of a cell.
+    pub(super) fn of(&self, cell: usize) -> &[u32] {
+        self.rows.group(cell)
+    }
+}
+
+/// Cells of a block.
+const BLOCK: usize = 4096;
+
+/// What `find` finds at each of so many cells, in their order; in parallel.
+pub(super) fn each_cell<T: Send>(
+    cells: usize,
+    monitor: &Monitor,
+    find: impl Fn(usize) -> Vec<T> + Sync,
+) -> Result<Vec<T>> {
+    let found = map_ordered(cells.div_ceil(BLOCK), monitor, |block| {
+        Ok((block * BLOCK..((block + 1) * BLOCK).min(cells)).flat_map(&find).collect::<Vec<T>>())
+    })?;
+    Ok(found.into_iter().flatten().collect())
 }
 
 /// The cells in plan at most `reach` cells away along each axis, the own one included.

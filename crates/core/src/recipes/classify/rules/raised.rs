@@ -2,13 +2,12 @@
 //! with a steep drop on both sides: the ground filter keeps what is level with the land around. An island is higher than
 //! all ground around it, such as a roof wider than the filter's window.
 
-use super::plan::{AXES, SPACINGS, block, cell_edge, groups, length, plan_cell, quantile};
+use super::plan::{AXES, PlanRows, SPACINGS, block, cell_edge, each_cell, groups, length, quantile};
 use super::{DeckParams, GROUND};
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::graph::UnionFind;
 use crate::parallel::{Looks, Monitor, map_watched};
-use crate::voxels::cells::Cells;
 use crate::voxels::cells::index::CellIndex;
 
 /// Greatest distance between the two drops, metres: decks of ground may be those of a motorway.
@@ -57,19 +56,19 @@ pub(super) fn raised(params: &DeckParams, land: &Land<'_>, monitor: &Monitor) ->
     let code = |row: u32| codes[points.frame.index[row as usize] as usize];
     let used: Vec<u32> = (0..points.len() as u32).filter(|&row| code(row) == GROUND || code(row) == free).collect();
     let edge = cell_edge(params.cell, SPACINGS, density);
-    let cells = Cells::new(used.len(), |i| plan_cell(points, used[i], edge), monitor)?;
-    let rows = |cell: usize| cells.of(cell).iter().map(|&i| used[i as usize]);
+    let cells = PlanRows::new(points, used, edge, monitor)?;
+    let rows = |cell: usize| cells.of(cell).iter().copied();
     let z = |row: u32| f64::from(points.positions.z[row as usize]);
     let ground = |cell: usize| rows(cell).filter(|&row| code(row) == GROUND);
     let surface = |cell: usize| Surface {
-        highest: ground(cell).map(z).fold(f64::MIN, f64::max),
+        highest: ground(cell).map(z).fold(f64::MIN, f64::max) as f32,
         height: low(rows(cell).map(z).collect()),
         ground: low(ground(cell).map(z).collect()),
     };
     let surfaces = map_watched(cells.len(), monitor, surface)?;
-    let scene = Scene { params, index: CellIndex::new(cells.keys.clone()), surfaces, edge };
+    let scene = Scene { params, index: &cells.index, surfaces, edge };
     // Below a rim lies the ground under it.
-    let lowest = |cell: usize| scene.surfaces[cell].highest - params.drop / 2.0;
+    let lowest = |cell: usize| f64::from(scene.surfaces[cell].highest) - params.drop / 2.0;
     let mut raised = scene.decks(monitor)?;
     raised.extend(scene.islands(monitor)?);
     raised.sort_unstable();
@@ -81,22 +80,36 @@ pub(super) fn raised(params: &DeckParams, land: &Land<'_>, monitor: &Monitor) ->
 #[derive(Clone, Copy, Debug, Default)]
 struct Surface {
     /// Its highest ground point.
-    highest: f64,
+    highest: f32,
     /// [`LOW`] of its points are lower: a railing is higher.
-    height: f64,
+    height: f32,
     /// The same of its ground points.
-    ground: f64,
+    ground: f32,
 }
 
 /// The height below which [`LOW`] of the heights are; lowest without any.
-fn low(mut heights: Vec<f64>) -> f64 {
-    if heights.is_empty() { f64::MIN } else { quantile(&mut heights, LOW) }
+fn low(mut heights: Vec<f64>) -> f32 {
+    if heights.is_empty() { f32::MIN } else { quantile(&mut heights, LOW) as f32 }
+}
+
+/// Numbers from 0 in place of the roots of pieces.
+fn numbered(mut roots: Vec<u32>) -> Vec<u32> {
+    let mut number = vec![u32::MAX; roots.len()];
+    let mut next = 0..;
+    for root in &mut roots {
+        let number = &mut number[*root as usize];
+        if *number == u32::MAX {
+            *number = next.next().unwrap_or(u32::MAX);
+        }
+        *root = *number;
+    }
+    roots
 }
 
 /// The cells of a cloud.
 struct Scene<'a> {
     params: &'a DeckParams,
-    index: CellIndex<[i32; 2]>,
+    index: &'a CellIndex<[i32; 2]>,
     surfaces: Vec<Surface>,
     /// Edge of a cell, metres.
     edge: f64,
@@ -167,26 +180,26 @@ impl Scene<'_> {
                 }
             }
         }
-        let roots = pieces.roots(monitor)?;
-        let mut borders = vec![Border::default(); all.len()];
+        let piece = numbered(pieces.roots(monitor)?);
+        let mut borders = vec![Border::default(); piece.iter().max().map_or(0, |last| *last as usize + 1)];
         let keys = self.index.keys();
-        all.clone().for_each(|cell| borders[roots[cell] as usize].add(keys[cell]));
+        all.clone().for_each(|cell| borders[piece[cell] as usize].add(keys[cell]));
         for cell in all.clone() {
             looks.step()?;
             for (axis, &direction) in AXES.iter().enumerate() {
-                if let Some(step) = self.step(cell, direction).filter(|step| roots[step.cell] != roots[cell]) {
-                    borders[roots[cell] as usize].step(step.fall, keys[cell], axis);
-                    borders[roots[step.cell] as usize].step(-step.fall, keys[step.cell], axis + AXES.len());
+                if let Some(step) = self.step(cell, direction).filter(|step| piece[step.cell] != piece[cell]) {
+                    borders[piece[cell] as usize].step(step.fall, keys[cell], axis);
+                    borders[piece[step.cell] as usize].step(-step.fall, keys[step.cell], axis + AXES.len());
                 }
             }
         }
-        Ok(all.filter(|&cell| borders[roots[cell] as usize].is_island(self.edge)).collect())
+        Ok(all.filter(|&cell| borders[piece[cell] as usize].is_island(self.edge)).collect())
     }
 
     /// The cells of all decks.
     fn decks(&self, monitor: &Monitor) -> Result<Vec<usize>> {
         let axes = self.strips(monitor)?;
-        let level = |a: usize, b: usize| self.is_level(self.surfaces[a].height - self.surfaces[b].height, self.edge);
+        let level = |a: usize, b: usize| self.is_level(self.height(a) - self.height(b), self.edge);
         let near =
             |cell: usize| self.around(cell).filter(|&near| axes[near].is_some()).filter(move |&near| level(cell, near));
         let cells = (0..axes.len()).filter(|&cell| axes[cell].is_some()).collect();
@@ -195,13 +208,13 @@ impl Scene<'_> {
     }
 
     /// For each cell between two drops the axis across, a place in [`AXES`].
-    fn strips(&self, monitor: &Monitor) -> Result<Vec<Option<usize>>> {
+    fn strips(&self, monitor: &Monitor) -> Result<Vec<Option<u8>>> {
         let of_brink = |cell: usize| {
-            let across = |axis: usize| Some((axis, self.strip(cell, AXES[axis])?));
-            (0..AXES.len()).filter_map(across).collect::<Vec<_>>()
+            let across = |(axis, direction): (u8, [i32; 2])| Some((axis, self.strip(cell, direction)?));
+            (0..).zip(AXES).filter_map(across).collect()
         };
         let mut axes = vec![None; self.surfaces.len()];
-        for (axis, strip) in map_watched(self.surfaces.len(), monitor, of_brink)?.into_iter().flatten() {
+        for (axis, strip) in each_cell(self.surfaces.len(), monitor, of_brink)? {
             for cell in strip {
                 axes[cell] = axes[cell].or(Some(axis));
             }
@@ -211,7 +224,7 @@ impl Scene<'_> {
             strips.flat_map(|cell| self.around(cell)).filter(|&near| axes[near].is_none()).collect();
         beside.sort_unstable();
         beside.dedup();
-        let inside: Vec<(usize, usize)> =
+        let inside: Vec<(usize, u8)> =
             beside.into_iter().filter_map(|cell| Some((cell, self.inside(cell, &axes)?))).collect();
         inside.into_iter().for_each(|(cell, axis)| axes[cell] = Some(axis));
         Ok(axes)
@@ -219,11 +232,11 @@ impl Scene<'_> {
 
     /// The axis across of the strips on two opposite sides of a cell and level with it: a line of cells across a deck, one of
     /// which holds no points, is of no strip.
-    fn inside(&self, cell: usize, axes: &[Option<usize>]) -> Option<usize> {
+    fn inside(&self, cell: usize, axes: &[Option<u8>]) -> Option<u8> {
         let [at_x, at_y] = self.index.keys()[cell];
         let axis = |[x, y]: [i32; 2]| {
             let near = self.index.find([at_x.saturating_add(x), at_y.saturating_add(y)])?;
-            axes[near].filter(|_| self.is_level(self.surfaces[cell].height - self.surfaces[near].height, self.edge))
+            axes[near].filter(|_| self.is_level(self.height(cell) - self.height(near), self.edge))
         };
         AXES.into_iter().find_map(|[x, y]| axis([x, y]).and(axis([-x, -y])))
     }
@@ -252,9 +265,13 @@ impl Scene<'_> {
         let find = |steps: i32| {
             let near = self.index.find([at_x.saturating_add(steps * x), at_y.saturating_add(steps * y)])?;
             let run = f64::from(steps) * self.edge * length([x, y]);
-            Some(Step { cell: near, run, fall: self.surfaces[cell].height - self.surfaces[near].height })
+            Some(Step { cell: near, run, fall: self.height(cell) - self.height(near) })
         };
         (1..=GAP + 1).find_map(find)
+    }
+
+    fn height(&self, cell: usize) -> f64 {
+        f64::from(self.surfaces[cell].height)
     }
 
     fn is_drop(&self, step: &Step) -> bool {
@@ -266,7 +283,7 @@ impl Scene<'_> {
     }
 
     /// Whether a strip meets other ground without a step at both ends, but hardly between them.
-    fn is_deck(&self, strip: &[usize], axes: &[Option<usize>]) -> bool {
+    fn is_deck(&self, strip: &[usize], axes: &[Option<u8>]) -> bool {
         let across = Self::across(strip, axes);
         let along = |cell: usize| {
             let [x, y] = self.index.keys()[cell].map(i64::from);
@@ -287,18 +304,17 @@ impl Scene<'_> {
     }
 
     /// The most frequent axis across.
-    fn across(strip: &[usize], axes: &[Option<usize>]) -> [i32; 2] {
+    fn across(strip: &[usize], axes: &[Option<u8>]) -> [i32; 2] {
         let mut counts = [0; AXES.len()];
-        strip.iter().filter_map(|&cell| axes[cell]).for_each(|axis| counts[axis] += 1);
+        strip.iter().filter_map(|&cell| axes[cell]).for_each(|axis| counts[usize::from(axis)] += 1);
         let most = (1..AXES.len()).fold(0, |most, axis| if counts[axis] > counts[most] { axis } else { most });
         AXES[most]
     }
 
     /// Cells with ground beside a cell and level with it that are of no strip.
-    fn meets(&self, cell: usize, axes: &[Option<usize>]) -> impl Iterator<Item = usize> {
-        let height = self.surfaces[cell].height;
-        self.around(cell)
-            .filter(move |&near| axes[near].is_none() && self.is_level(height - self.surfaces[near].ground, self.edge))
+    fn meets(&self, cell: usize, axes: &[Option<u8>]) -> impl Iterator<Item = usize> {
+        let above = move |near: usize| self.height(cell) - f64::from(self.surfaces[near].ground);
+        self.around(cell).filter(move |&near| axes[near].is_none() && self.is_level(above(near), self.edge))
     }
 
     /// Occupied cells around a cell, itself included.

@@ -5,11 +5,10 @@
 //! a warning says where it is.
 
 use super::GROUND;
-use super::plan::{SPACINGS, axes_with_land, block, cell_edge, groups, pieces, plan_cell};
+use super::plan::{PlanRows, SPACINGS, axes_with_land, block, cell_edge, each_cell, groups, pieces};
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::parallel::{Looks, Monitor, map_watched};
-use crate::voxels::cells::Cells;
 use crate::voxels::cells::index::CellIndex;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -58,15 +57,12 @@ pub(super) fn spans(scan: &Scan<'_>, monitor: &Monitor) -> Result<Vec<Span>> {
     wet.iter().for_each(|&row| is_dry[row as usize] = false);
     let dry: Vec<u32> = (0..points.len() as u32).filter(|&row| is_dry[row as usize]).collect();
     let edge = cell_edge(CELL, SPACINGS, density);
-    let cells = Cells::new(dry.len(), |i| plan_cell(points, dry[i], edge), monitor)?;
-    let ground = |cell: usize| {
-        let rows = cells.of(cell).iter().map(|&i| dry[i as usize]);
-        rows.filter(|&row| codes[points.frame.index[row as usize] as usize] == GROUND)
-    };
-    let height =
-        |cell: usize| ground(cell).map(|row| f64::from(points.positions.z[row as usize])).fold(f64::NAN, f64::max);
+    let cells = PlanRows::new(points, dry, edge, monitor)?;
+    let is_ground = |row: &u32| codes[points.frame.index[*row as usize] as usize] == GROUND;
+    let ground = |cell: usize| cells.of(cell).iter().copied().filter(is_ground);
+    let height = |cell: usize| ground(cell).map(|row| points.positions.z[row as usize]).fold(f32::NAN, f32::max);
     let heights = map_watched(cells.len(), monitor, height)?;
-    let scene = Scene { index: CellIndex::new(cells.keys.clone()), heights, edge };
+    let scene = Scene { index: &cells.index, heights, edge };
     let ways = scene.ways(&scene.waters(monitor)?, monitor)?;
     let span = |strip: &Vec<usize>| {
         let (cell, way) = strip.iter().filter_map(|&cell| Some((cell, ways[cell]?))).min_by_key(|&(_, way)| way)?;
@@ -79,10 +75,10 @@ pub(super) fn spans(scan: &Scan<'_>, monitor: &Monitor) -> Result<Vec<Span>> {
 }
 
 /// The cells of a cloud.
-struct Scene {
-    index: CellIndex<[i32; 2]>,
+struct Scene<'a> {
+    index: &'a CellIndex<[i32; 2]>,
     /// The highest ground point of each cell, metres; not a number without ground.
-    heights: Vec<f64>,
+    heights: Vec<f32>,
     /// Edge of a cell, metres.
     edge: f64,
 }
@@ -103,11 +99,10 @@ struct Way {
     cell: u32,
 }
 
-impl Scene {
+impl Scene<'_> {
     /// Waters whose shore is long enough.
     fn waters(&self, monitor: &Monitor) -> Result<Waters> {
-        let beside = map_watched(self.index.keys().len(), monitor, |cell| self.empty_beside(cell))?;
-        let mut empty: Vec<[i32; 2]> = beside.into_iter().flatten().collect();
+        let mut empty = each_cell(self.index.keys().len(), monitor, |cell| self.empty_beside(cell))?;
         empty.sort_unstable();
         empty.dedup();
         let land = |key: [i32; 2]| self.index.find(key).is_some();
@@ -177,7 +172,7 @@ impl Scene {
         let step = STEP * self.edge.max(1.0);
         let met = |&cell: &usize| {
             let near = self.ground_around(cell).filter(|near| strip.binary_search(near).is_err());
-            near.filter(move |&near| (self.heights[near] - self.heights[cell]).abs() <= step)
+            near.filter(move |&near| (f64::from(self.heights[near]) - f64::from(self.heights[cell])).abs() <= step)
         };
         pieces(strip.iter().flat_map(met).collect(), |cell| self.ground_around(cell)).len() >= 2
     }

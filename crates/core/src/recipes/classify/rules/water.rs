@@ -2,7 +2,7 @@
 //! least in parts, because water reflects the pulses away.
 
 use super::GROUND;
-use super::plan::{ACROSS, axes_with_land, block, cell_edge, plan_cell, quantile};
+use super::plan::{ACROSS, PlanRows, axes_with_land, block, cell_edge, quantile};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::graph::UnionFind;
@@ -118,18 +118,17 @@ impl WaterParams {
         if edge > WIDEST.max(self.cell) {
             return Ok(Vec::new());
         }
-        let cells = Cells::new(points.len(), |row| plan_cell(points, row as u32, edge), monitor)?;
+        let cells = PlanRows::new(points, (0..points.len() as u32).collect(), edge, monitor)?;
         let is_ground = |&&row: &&u32| codes[points.frame.index[row as usize] as usize] == GROUND;
         let z = |row: u32| f64::from(points.positions.z[row as usize]);
         let surface = |cell: usize| {
             let mut ground: Vec<f64> = cells.of(cell).iter().filter(is_ground).map(|&row| z(row)).collect();
             let height = if ground.is_empty() { f64::NAN } else { quantile(&mut ground, 0.5) };
-            Surface { points: cells.of(cell).len(), ground: ground.len(), height }
+            Surface { points: cells.of(cell).len() as u32, ground: ground.len() as u32, height: height as f32 }
         };
         let surfaces = map_watched(cells.len(), monitor, surface)?;
-        let index = CellIndex::new(cells.keys.clone());
-        let usual = usual(&surfaces, &index, monitor)?;
-        let levels = Scene { params: self, index, surfaces, usual, edge }.levels(monitor)?;
+        let usual = usual(&surfaces, &cells.index, monitor)?;
+        let levels = Scene { params: self, index: &cells.index, surfaces, usual, edge }.levels(monitor)?;
         let mut rows = Vec::new();
         let mut looks = Looks::at(monitor);
         for (cell, level) in levels.into_iter().enumerate().filter(|(_, level)| !level.is_nan()) {
@@ -144,14 +143,14 @@ impl WaterParams {
 /// What a cell holds: its points, those of the ground, and the median of their heights, metres; without ground not a number.
 #[derive(Clone, Copy, Debug, Default)]
 struct Surface {
-    points: usize,
-    ground: usize,
-    height: f64,
+    points: u32,
+    ground: u32,
+    height: f32,
 }
 
 impl Surface {
     fn is_ground(&self) -> bool {
-        self.ground > 0 && self.ground as f64 >= GROUND_SHARE * self.points as f64
+        self.ground > 0 && f64::from(self.ground) >= GROUND_SHARE * f64::from(self.points)
     }
 }
 
@@ -163,7 +162,7 @@ fn usual(surfaces: &[Surface], index: &CellIndex<[i32; 2]>, monitor: &Monitor) -
     let block_index = CellIndex::new(blocks.keys.clone());
     let median = |cells: &mut dyn Iterator<Item = usize>| {
         let ground = cells.map(|cell| surfaces[cell]).filter(Surface::is_ground);
-        let mut counts: Vec<f64> = ground.map(|surface| surface.points as f64).collect();
+        let mut counts: Vec<f64> = ground.map(|surface| surface.points.into()).collect();
         if counts.is_empty() { 0.0 } else { quantile(&mut counts, 0.5) }
     };
     let least = LEAST * median(&mut (0..keys.len()));
@@ -182,7 +181,7 @@ fn usual(surfaces: &[Surface], index: &CellIndex<[i32; 2]>, monitor: &Monitor) -
 /// The cells of a cloud: where they are, what they hold, and how many points are usual there.
 struct Scene<'a> {
     params: &'a WaterParams,
-    index: CellIndex<[i32; 2]>,
+    index: &'a CellIndex<[i32; 2]>,
     surfaces: Vec<Surface>,
     usual: Vec<f64>,
     /// Edge of a cell, metres.
@@ -213,16 +212,20 @@ impl Scene<'_> {
         Ok(levels)
     }
 
+    fn height(&self, cell: usize) -> f64 {
+        f64::from(self.surfaces[cell].height)
+    }
+
     /// Whether a cell holds few points.
     fn is_thin(&self, cell: usize) -> bool {
-        (self.surfaces[cell].points as f64) < self.params.few * self.usual[cell]
+        f64::from(self.surfaces[cell].points) < self.params.few * self.usual[cell]
     }
 
     /// Whether a cell of ground and the eight around it hold few points, of which nearly all are ground.
     fn is_dark(&self, cell: usize) -> bool {
         let most = self.params.few * 9.0 * self.usual[cell];
         // Most cells are no ground or hold too many themselves.
-        if !self.surfaces[cell].is_ground() || self.surfaces[cell].points as f64 >= most {
+        if !self.surfaces[cell].is_ground() || f64::from(self.surfaces[cell].points) >= most {
             return false;
         }
         let mut all = Surface::default();
@@ -230,7 +233,7 @@ impl Scene<'_> {
             all.points += self.surfaces[near].points;
             all.ground += self.surfaces[near].ground;
         }
-        (all.points as f64) < most && all.is_ground() && self.is_between(self.index.keys()[cell])
+        f64::from(all.points) < most && all.is_ground() && self.is_between(self.index.keys()[cell])
     }
 
     /// Whether there is land on both sides of a place, along two axes at least.
@@ -255,7 +258,7 @@ impl Scene<'_> {
                 key > own && dx.hypot(dy) <= reach
             };
             for near in block(own, reach as i32).filter(is_next).filter_map(|key| self.index.find(key)) {
-                if dark[near] && (self.surfaces[cell].height - self.surfaces[near].height).abs() <= self.params.step {
+                if dark[near] && (self.height(cell) - self.height(near)).abs() <= self.params.step {
                     patches.unite(cell as u32, near as u32);
                 }
             }
@@ -273,7 +276,7 @@ impl Scene<'_> {
         if !self.covers(patch) {
             return Ok(None);
         }
-        let mut heights: Vec<f64> = patch.iter().map(|&cell| self.surfaces[cell].height).collect();
+        let mut heights: Vec<f64> = patch.iter().map(|&cell| self.height(cell)).collect();
         let level = quantile(&mut heights, 0.5);
         if quantile(&mut heights, 0.9) - quantile(&mut heights, 0.1) > self.params.spread {
             return Ok(None);
@@ -289,7 +292,7 @@ impl Scene<'_> {
             shore.extend(near.filter(is_land));
         }
         let share = |part: &dyn Fn(f64) -> bool| {
-            let part = shore.iter().filter(|&&cell| part(self.surfaces[cell].height)).count();
+            let part = shore.iter().filter(|&&cell| part(self.height(cell))).count();
             part as f64 / shore.len().max(1) as f64
         };
         let lower = share(&|height| height < level - BELOW * self.params.step);
@@ -309,7 +312,7 @@ impl Scene<'_> {
 
     /// The level cells that begin with this patch.
     fn fill(&self, patch: &[usize], level: f64, monitor: &Monitor) -> Result<Body> {
-        let is_at_level = |cell: usize| (self.surfaces[cell].height - level).abs() <= self.params.step;
+        let is_at_level = |cell: usize| (self.height(cell) - level).abs() <= self.params.step;
         let is_bank = |cell: usize| self.surfaces[cell].ground > 0 && !is_at_level(cell);
         let is_level = |cell: usize| self.surfaces[cell].is_ground() && is_at_level(cell);
         // Away from banks.
@@ -346,7 +349,7 @@ impl Scene<'_> {
                 if !seen.insert(key) || block(key, 1).filter(|&near| is_water(near)).count() > OUTSIDE {
                     continue;
                 }
-                match self.index.find(key).map(|near| self.surfaces[near].height - level) {
+                match self.index.find(key).map(|near| self.height(near) - level) {
                     Some(step) if step > self.params.step => shore.higher += 1,
                     Some(step) if step < -self.params.step => shore.lower += 1,
                     // Level with the water, or without ground.
