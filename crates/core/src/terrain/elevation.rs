@@ -2,7 +2,7 @@
 
 use super::membrane::membrane;
 use super::smooth::{fill_holes, median};
-use crate::cloud::{Points, Raster};
+use crate::cloud::{Height, Points, Raster};
 use crate::error::{Error, Result};
 use crate::parallel::{Looks, Monitor, fill_parts, map_ordered, watched};
 use crate::voxels::cells::radix::{Bits, radix_sort};
@@ -114,14 +114,7 @@ impl ElevationModel {
                  those above its border"
             ));
         }
-        let mut heights = vec![0.0; points.len()];
-        fill_parts(&mut heights, BLOCK, monitor, |block, part| {
-            for (height, i) in part.iter_mut().zip(block * BLOCK..) {
-                let [x, y, z] = points.world(i);
-                *height = (z - self.ground([x, y])) as f32;
-            }
-        })?;
-        Ok(heights)
+        heights_over(&self.raster, points, points.frame.origin[2], monitor)
     }
 }
 
@@ -148,12 +141,16 @@ pub(super) struct Ground<'a> {
 /// # Errors
 /// As [`ElevationModel::fit`].
 pub(super) fn heights_above_surface(ground: &Ground<'_>, monitor: &Monitor) -> Result<Vec<f32>> {
-    let (points, surface) = (ground.points, surface(ground, monitor)?);
+    heights_over(&surface(ground, monitor)?, ground.points, 0.0, monitor)
+}
+
+/// Heights of points over a raster. `origin` is the height of the points' origin, in the raster's heights.
+fn heights_over<T: Height>(raster: &Raster<T>, points: &Points, origin: f64, monitor: &Monitor) -> Result<Vec<f32>> {
     let mut heights = vec![0.0; points.len()];
     fill_parts(&mut heights, BLOCK, monitor, |block, part| {
         for (height, i) in part.iter_mut().zip(block * BLOCK..) {
             let [x, y, _] = points.world(i);
-            *height = (f64::from(points.positions.z[i]) - surface.bilinear([x, y])) as f32;
+            *height = (f64::from(points.positions.z[i]) + origin - raster.bilinear([x, y])) as f32;
         }
     })?;
     Ok(heights)
