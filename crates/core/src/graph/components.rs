@@ -41,7 +41,7 @@ pub fn connected_components(graph: &Graph, monitor: &Monitor) -> Result<Componen
 
 impl Components {
     /// From the node that stands for the component of each node.
-    pub(super) fn numbered(nodes: usize, mut root: impl FnMut(u32) -> u32, monitor: &Monitor) -> Result<Self> {
+    pub(crate) fn numbered(nodes: usize, mut root: impl FnMut(u32) -> u32, monitor: &Monitor) -> Result<Self> {
         const UNSEEN: u32 = u32::MAX;
         let mut name = vec![UNSEEN; nodes];
         let mut count = 0;

@@ -129,7 +129,7 @@ struct Standing<'a> {
 struct Divided {
     /// Of each row of the points above those named ground, metres.
     heights: Vec<f32>,
-    /// Rows of buildings that may be a deck or a terrace.
+    /// Rows of buildings that may be a deck, a terrace or the land around a pit.
     unknown: Vec<u32>,
 }
 

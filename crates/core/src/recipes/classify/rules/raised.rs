@@ -6,7 +6,7 @@ use super::plan::{AXES, PlanRows, SPACINGS, block, cell_edge, each_cell, groups,
 use super::{DeckParams, GROUND};
 use crate::cloud::Points;
 use crate::error::Result;
-use crate::graph::UnionFind;
+use crate::graph::{Components, UnionFind};
 use crate::parallel::{Looks, Monitor, map_watched};
 use crate::voxels::cells::index::CellIndex;
 
@@ -92,20 +92,6 @@ fn low(mut heights: Vec<f64>) -> f32 {
     if heights.is_empty() { f32::MIN } else { quantile(&mut heights, LOW) as f32 }
 }
 
-/// Numbers from 0 in place of the roots of pieces.
-fn numbered(mut roots: Vec<u32>) -> Vec<u32> {
-    let mut number = vec![u32::MAX; roots.len()];
-    let mut next = 0..;
-    for root in &mut roots {
-        let number = &mut number[*root as usize];
-        if *number == u32::MAX {
-            *number = next.next().unwrap_or(u32::MAX);
-        }
-        *root = *number;
-    }
-    roots
-}
-
 /// The cells of a cloud.
 struct Scene<'a> {
     params: &'a DeckParams,
@@ -180,8 +166,8 @@ impl Scene<'_> {
                 }
             }
         }
-        let piece = numbered(pieces.roots(monitor)?);
-        let mut borders = vec![Border::default(); piece.iter().max().map_or(0, |last| *last as usize + 1)];
+        let Components { of: piece, count } = Components::numbered(all.len(), |cell| pieces.root(cell), monitor)?;
+        let mut borders = vec![Border::default(); count];
         let keys = self.index.keys();
         all.clone().for_each(|cell| borders[piece[cell] as usize].add(keys[cell]));
         for cell in all.clone() {
@@ -210,8 +196,8 @@ impl Scene<'_> {
     /// For each cell between two drops the axis across, a place in [`AXES`].
     fn strips(&self, monitor: &Monitor) -> Result<Vec<Option<u8>>> {
         let of_brink = |cell: usize| {
-            let across = |(axis, direction): (u8, [i32; 2])| Some((axis, self.strip(cell, direction)?));
-            (0..).zip(AXES).filter_map(across).collect()
+            let across = |axis: u8| Some((axis, self.strip(cell, AXES[usize::from(axis)])?));
+            (0..AXES.len() as u8).filter_map(across).collect()
         };
         let mut axes = vec![None; self.surfaces.len()];
         for (axis, strip) in each_cell(self.surfaces.len(), monitor, of_brink)? {
