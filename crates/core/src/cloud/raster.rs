@@ -42,6 +42,7 @@ pub struct Raster<T = f64> {
     origin: [f64; 2],
     cell: f64,
     columns: usize,
+    rows: usize,
     values: Vec<T>,
 }
 
@@ -65,7 +66,7 @@ impl<T: Height> Raster<T> {
         if let Some(i) = values.iter().position(|&v| v.into().is_infinite()) {
             return Err(Error::input(format!("height {i} is {:?} (allowed: finite, NaN for a hole)", values[i])));
         }
-        Ok(Self { origin, cell, columns, values })
+        Ok(Self { origin, cell, columns, rows: values.len() / columns, values })
     }
 
     /// A raster of holes over an extent, with cells aligned to multiples of `cell`.
@@ -102,7 +103,7 @@ impl<T: Height> Raster<T> {
 
     /// Number of cells from south to north.
     pub fn rows(&self) -> usize {
-        self.values.len() / self.columns
+        self.rows
     }
 
     /// Heights, row after row from the south-west corner.
@@ -146,24 +147,41 @@ impl<T: Height> Raster<T> {
 
     /// Bilinear height between the four nearest centres; beyond the outermost centres the height at the border.
     pub fn bilinear(&self, at: [f64; 2]) -> f64 {
-        let place = |a: usize, count: usize| {
-            let u = ((at[a] - self.origin[a]) / self.cell - 0.5).clamp(0.0, (count - 1) as f64);
-            let low = (u as usize).min(count.saturating_sub(2));
-            (low, (low + 1).min(count - 1), u - low as f64)
-        };
-        let ((x0, x1, u), (y0, y1, v)) = (place(0, self.columns), place(1, self.rows()));
-        let at = |x: usize, y: usize| -> f64 { self.values[y * self.columns + x].into() };
-        let low = at(x0, y0) + u * (at(x1, y0) - at(x0, y0));
-        let high = at(x0, y1) + u * (at(x1, y1) - at(x0, y1));
-        low + v * (high - low)
+        self.between([0, 1].map(|axis| self.centres(axis, at[axis])))
     }
+
+    /// The two centres around a coordinate: in x on axis 0, in y on axis 1.
+    pub(crate) fn centres(&self, axis: usize, coordinate: f64) -> Centres {
+        let count = [self.columns, self.rows][axis];
+        let u = ((coordinate - self.origin[axis]) / self.cell - 0.5).clamp(0.0, (count - 1) as f64);
+        let low = (u as usize).min(count.saturating_sub(2));
+        Centres { low, high: (low + 1).min(count - 1), share: u - low as f64 }
+    }
+
+    /// Bilinear height between the centres around x and around y.
+    #[inline]
+    pub(crate) fn between(&self, [x, y]: [Centres; 2]) -> f64 {
+        let at = |column: usize, row: usize| -> f64 { self.values[row * self.columns + column].into() };
+        let along = |row: usize| at(x.low, row) + x.share * (at(x.high, row) - at(x.low, row));
+        let [low, high] = [along(y.low), along(y.high)];
+        low + y.share * (high - low)
+    }
+}
+
+/// Two neighbouring columns or rows of a raster, and where between their centres a place lies.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Centres {
+    low: usize,
+    high: usize,
+    /// 0: at the lower one, 1: at the higher one.
+    share: f64,
 }
 
 impl Raster<f32> {
     /// The same raster with heights in the world, those above an origin at the height `by`.
     pub(crate) fn raised(self, by: f64) -> Raster {
         let values = self.values.into_iter().map(|v| f64::from(v) + by).collect();
-        Raster { origin: self.origin, cell: self.cell, columns: self.columns, values }
+        Raster { origin: self.origin, cell: self.cell, columns: self.columns, rows: self.rows, values }
     }
 }
 

@@ -28,10 +28,12 @@ pub(super) fn membrane<T: Height>(raster: Raster<T>, monitor: &Monitor) -> Resul
     let hole: Vec<bool> = raster.values().iter().map(|v| v.is_hole()).collect();
     let mut start = raster;
     let (cell, columns) = (start.cell(), start.columns());
+    let centre = |axis: usize, number: usize| coarse.origin()[axis] + (number as f64 + 0.5) * cell;
+    let across: Vec<_> = (0..columns).map(|c| coarse.centres(0, centre(0, c))).collect();
     fill_parts(start.values_mut(), columns, monitor, |r, row| {
-        let y = coarse.origin()[1] + (r as f64 + 0.5) * cell;
-        let at = |c: usize| T::nearest(coarse.bilinear([coarse.origin()[0] + (c as f64 + 0.5) * cell, y]));
-        row.iter_mut().enumerate().filter(|(_, v)| v.is_hole()).for_each(|(c, v)| *v = at(c));
+        let y = coarse.centres(1, centre(1, r));
+        let holes = row.iter_mut().zip(&across).filter(|(v, _)| v.is_hole());
+        holes.for_each(|(v, &x)| *v = T::nearest(coarse.between([x, y])));
     })?;
     drop(coarse);
     let parts = start.rows().div_ceil(ROWS);
@@ -66,24 +68,62 @@ fn relaxed<T: Height>(start: &Raster<T>, hole: &[bool], part: usize) -> Vec<T> {
     let (rows, columns) = (start.rows(), start.columns());
     let part = part * ROWS..((part + 1) * ROWS).min(rows);
     let [low, high] = [part.start.saturating_sub(SWEEPS), (part.end + SWEEPS).min(rows)];
-    let inside = low * columns..high * columns;
-    let holes: Vec<usize> = (0..inside.len()).filter(|i| hole[inside.start + i]).collect();
-    let mut old = start.values()[inside].to_vec();
+    let mut old = Framed::around(&start.values()[low * columns..high * columns], columns);
+    let place = |cell: usize| old.place(cell) as u32;
+    let first = low * columns;
+    let holes: Vec<u32> = (0..(high - low) * columns).filter(|cell| hole[first + cell]).map(place).collect();
     let mut new = old.clone();
     for _ in 0..SWEEPS {
-        for &i in &holes {
-            let column = i % columns;
-            let west = if column == 0 { i } else { i - 1 };
-            let east = if column + 1 == columns { i } else { i + 1 };
-            let south = if i < columns { i } else { i - columns };
-            let north = if i + columns < old.len() { i + columns } else { i };
-            let [west, east, south, north]: [f64; 4] = [west, east, south, north].map(|near| old[near].into());
-            new[i] = T::nearest(0.25 * (west + east + south + north));
-        }
+        old.relax_into(&holes, &mut new);
         std::mem::swap(&mut old, &mut new);
     }
     let own = (part.start - low) * columns..(part.end - low) * columns;
-    holes.into_iter().filter(|i| own.contains(i)).map(|i| old[i]).collect()
+    own.filter(|cell| hole[first + cell]).map(|cell| old.values[old.place(cell)]).collect()
+}
+
+/// Rows of heights with a frame of one cell, which holds the heights beside it: every cell has four neighbours.
+#[derive(Clone)]
+struct Framed<T> {
+    columns: usize,
+    values: Vec<T>,
+}
+
+impl<T: Height> Framed<T> {
+    fn around(heights: &[T], columns: usize) -> Self {
+        let mut values = vec![T::HOLE; (columns + 2) * (heights.len() / columns + 2)];
+        let rows = values.chunks_exact_mut(columns + 2).skip(1);
+        rows.zip(heights.chunks_exact(columns)).for_each(|(row, from)| row[1..=columns].copy_from_slice(from));
+        let mut framed = Self { columns, values };
+        framed.frame();
+        framed
+    }
+
+    /// Where the height of a cell stands.
+    fn place(&self, cell: usize) -> usize {
+        (cell / self.columns + 1) * (self.columns + 2) + cell % self.columns + 1
+    }
+
+    /// Fills the frame.
+    fn frame(&mut self) {
+        let (columns, width) = (self.columns, self.columns + 2);
+        for row in self.values.chunks_exact_mut(width) {
+            (row[0], row[columns + 1]) = (row[1], row[columns]);
+        }
+        let last = self.values.len() - width;
+        self.values.copy_within(width..2 * width, 0);
+        self.values.copy_within(last - width..last, last);
+    }
+
+    /// Gives each hole the mean of its neighbours.
+    fn relax_into(&self, holes: &[u32], relaxed: &mut Self) {
+        let width = self.columns + 2;
+        for hole in holes.iter().map(|&hole| hole as usize) {
+            let near = [hole - 1, hole + 1, hole - width, hole + width];
+            let [west, east, south, north]: [f64; 4] = near.map(|near| self.values[near].into());
+            relaxed.values[hole] = T::nearest(0.25 * (west + east + south + north));
+        }
+        relaxed.frame();
+    }
 }
 
 #[cfg(test)]

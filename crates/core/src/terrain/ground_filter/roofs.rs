@@ -8,7 +8,7 @@ use super::GroundParams;
 use crate::cloud::Raster;
 use crate::error::Result;
 use crate::graph::UnionFind;
-use crate::parallel::{Monitor, watched};
+use crate::parallel::{Looks, Monitor, watched};
 use crate::terrain::holes::nearest_filled;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -104,13 +104,15 @@ const NONE: u32 = u32::MAX;
 impl Heights<'_> {
     /// Calls `with` for each pair of neighbouring cells whose nearest heights differ.
     fn pairs(&self, monitor: &Monitor, mut with: impl FnMut(Pair)) -> Result<()> {
-        let (columns, cells) = (self.ground.columns(), self.nearest.len());
-        for piece in watched(cells, monitor) {
-            for cell in piece? {
-                if (cell + 1) % columns != 0 {
+        let (columns, rows) = (self.ground.columns(), self.ground.rows());
+        let mut looks = Looks::at(monitor);
+        for row in 0..rows {
+            looks.steps(columns)?;
+            for cell in row * columns..(row + 1) * columns {
+                if cell + 1 < (row + 1) * columns {
                     self.pair(cell, cell + 1).into_iter().for_each(&mut with);
                 }
-                if cell + columns < cells {
+                if row + 1 < rows {
                     self.pair(cell, cell + columns).into_iter().for_each(&mut with);
                 }
             }
@@ -126,9 +128,10 @@ impl Heights<'_> {
         }
         let z = self.ground.values();
         let (low, high) = if z[a] <= z[b] { (a, b) } else { (b, a) };
-        let columns = self.ground.columns();
-        let apart = |f: fn(usize, usize) -> usize| f(a, columns).abs_diff(f(b, columns)) as f64;
-        let distance = (apart(|i, n| i % n).powi(2) + apart(|i, n| i / n).powi(2)).sqrt() * self.ground.cell();
+        let distance = match (a, b) == (cell, beside) {
+            true => self.ground.cell(),
+            false => self.distance(a, b),
+        };
         let step = match f64::from(z[high]) - f64::from(z[low]) {
             _ if distance > FAR => Step::Between,
             height if height >= self.wall.max(STEEPEST * distance) => Step::Wall,
@@ -136,6 +139,13 @@ impl Heights<'_> {
             _ => Step::Between,
         };
         Some(Pair { low, high, step })
+    }
+
+    /// The distance of two cells, metres.
+    fn distance(&self, a: usize, b: usize) -> f64 {
+        let columns = self.ground.columns();
+        let apart = |f: fn(usize, usize) -> usize| f(a, columns).abs_diff(f(b, columns)) as f64;
+        (apart(|i, n| i % n).powi(2) + apart(|i, n| i / n).powi(2)).sqrt() * self.ground.cell()
     }
 
     /// The part of each height, by a number of its own: heights that the ground goes on between. `None` if there is no
