@@ -22,8 +22,10 @@ pub(super) const MOST: usize = 33;
 /// One number per lane.
 pub(super) type Lane = [f32; LANES];
 
-/// Neighbours of 16 points, relative to the point; only the first `count` rows are valid.
+/// Neighbours of 16 points, relative to the point; only the first `count` rows are valid. No row crosses a line of the
+/// cache.
 #[derive(Clone, Debug)]
+#[repr(align(64))]
 pub(super) struct Batch {
     pub(super) x: [Lane; MOST],
     pub(super) y: [Lane; MOST],

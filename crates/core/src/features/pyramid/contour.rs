@@ -15,8 +15,9 @@ const MOST_Q: f32 = 1000.0;
 /// If the spread along e2 is below this share of the total, it is a rounding error and both moments are 0.
 const THIN: f32 = 1e-10;
 
-/// Normals and surface variations of the neighbours.
+/// Normals and surface variations of the neighbours. No row crosses a line of the cache.
 #[derive(Clone, Debug)]
+#[repr(align(64))]
 pub(super) struct Surfaces {
     pub(super) normal: [[Lane; MOST]; 3],
     pub(super) variation: [Lane; MOST],
@@ -121,12 +122,7 @@ fn orientation<S: Simd>(simd: S, along: &[Lane; MOST], surfaces: &Surfaces, coun
     }
     let mut medoids = [Medoid { total: [f32::INFINITY; LANES], normal: [[0.0; LANES]; 3] }; 2];
     for j in 0..count {
-        let mut on_side = [[f32::INFINITY; LANES]; 2];
-        for l in 0..LANES {
-            let negative = along[j][l] < 0.0;
-            on_side[0][l] = if negative { totals[j][l] } else { f32::INFINITY };
-            on_side[1][l] = if negative { f32::INFINITY } else { totals[j][l] };
-        }
+        let on_side = by_side(simd, &along[j], &totals[j]);
         for (medoid, total) in medoids.iter_mut().zip(&on_side) {
             medoid.keep_better(simd, total, [&x[j], &y[j], &z[j]]);
         }
@@ -140,6 +136,23 @@ fn orientation<S: Simd>(simd: S, along: &[Lane; MOST], surfaces: &Surfaces, coun
         out[l] = if both { bounded } else { 1.0 };
     }
     out
+}
+
+/// The totals of the lanes on the negative side of the line, and of those on the other; infinity in the other lanes. (Written
+/// with explicit selections, which the compiler would otherwise turn into branches.)
+#[inline(always)]
+fn by_side<S: Simd>(simd: S, along: &Lane, total: &Lane) -> [Lane; 2] {
+    let mut sides = [[f32::INFINITY; LANES]; 2];
+    let [negative, positive] = &mut sides;
+    let parts = S::as_mut_simd_f32s(negative).0.iter_mut().zip(S::as_mut_simd_f32s(positive).0);
+    let (zero, none) = (simd.splat_f32s(0.0), simd.splat_f32s(f32::INFINITY));
+    let given = S::as_simd_f32s(along).0.iter().zip(S::as_simd_f32s(total).0);
+    for ((negative, positive), (&along, &total)) in parts.zip(given) {
+        let before = simd.less_than_f32s(along, zero);
+        *negative = simd.select_f32s(before, total, none);
+        *positive = simd.select_f32s(before, none, total);
+    }
+    sides
 }
 
 /// The normal with the least total of distances to the others, so far.
