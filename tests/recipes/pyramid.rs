@@ -447,7 +447,7 @@ fn wanted_features_are_the_columns_of_the_table() {
 }
 
 #[test]
-fn columns_too_narrow_for_the_extent_are_refused() {
+fn the_narrowest_columns_reach_over_the_widest_extent() {
     let set = FeatureSet {
         pyramid: PyramidParams {
             first_scale: Some(0.5),
@@ -458,7 +458,13 @@ fn columns_too_narrow_for_the_extent_are_refused() {
         ..FeatureSet::default()
     };
     let cloud = Cloud::from_rows(&[[0.0; 3], [900_000.0, 5.0, 1.0]]).unwrap();
-    assert!(table(&cloud, &set, &Monitor::default()).unwrap_err().to_string().contains("column_radius"));
+    let table = table(&cloud, &set, &Monitor::default()).unwrap();
+    let ranges: Vec<usize> = (0..table.width()).filter(|&f| table.names[f].starts_with("VerticalRange")).collect();
+    assert_eq!(ranges.len(), 2);
+    assert!(
+        (0..2).all(|point| ranges.iter().all(|&f| table.row(point)[f] == 0.0)),
+        "each point is alone in its column"
+    );
 }
 
 #[test]

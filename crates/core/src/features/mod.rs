@@ -1,5 +1,6 @@
 //! Features of points: numbers that describe the geometry around a point, and its own height, colour, intensity and returns.
 
+mod columns;
 mod context;
 pub mod definition;
 mod extractor;
@@ -12,7 +13,9 @@ mod radius;
 mod table;
 mod tensor;
 
-pub use context::{Context, ContextParams, Rated};
+pub(crate) use columns::TableRows;
+pub(crate) use context::ContextPart;
+pub use context::{Context, ContextParams, Rated, RatedPoint};
 pub use extractor::extras::colours;
 pub use extractor::spacing::{spacing, spacings};
 pub use extractor::stream::{FeatureStream, Rows};

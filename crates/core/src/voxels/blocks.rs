@@ -1,6 +1,6 @@
 //! Occupied cells of a sparse grid, and the points in them.
 //!
-//! Cells are stored in blocks of 4 x 4 x 4 (or 8 x 8 in plan): one bit a cell in a 64-bit word, in Morton order, and the number
+//! Cells are stored in blocks of 4 x 4 x 4: one bit a cell in a 64-bit word, in Morton order, and the number
 //! of occupied cells before the block. Blocks are found by a hash table with open addressing.
 
 use super::morton;
@@ -109,7 +109,8 @@ impl Blocks {
         if block.iter().all(|&b| b < morton::LIMIT) { self.find(morton::encode(block)) } else { None }
     }
 
-    /// The points of each occupied cell of a block that is in `low..=high` on every axis, ascending.
+    /// The points of the occupied cells of a block that are in `low..=high` on every axis, ascending; those of cells that
+    /// follow each other together.
     #[inline(always)]
     pub(super) fn cells_within(
         &self,
@@ -124,12 +125,19 @@ impl Blocks {
             let slabs = (0..4u32).filter(|i| (low[a]..=high[a]).contains(&(corner[a] + i)));
             bits & slabs.fold(0, |sum, i| sum | SLAB[a] << ((i & 1) * (1 << a)) << ((i >> 1) * (8 << a)))
         });
+        let mut run = 0..0;
         while wanted != 0 {
             let bit = wanted.trailing_zeros();
             wanted &= wanted - 1;
             let rank = (self.first[block as usize] + (mask & ((1u64 << bit) - 1)).count_ones()) as usize;
-            visit(self.starts[rank] as usize..self.starts[rank + 1] as usize);
+            let [start, end] = [self.starts[rank], self.starts[rank + 1]].map(|start| start as usize);
+            if start != run.end {
+                visit(run);
+                run = start..start;
+            }
+            run.end = end;
         }
+        visit(run);
     }
 
     /// The points of the cell with Morton index `bit` within a block; an empty range if it is not occupied.

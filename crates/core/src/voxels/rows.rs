@@ -38,6 +38,13 @@ pub(crate) struct RowGrid {
     first: [i64; 3],
 }
 
+/// The largest whole number that is not greater; without the call that `f64::floor` is where the processor may lack it.
+#[inline(always)]
+fn floor(v: f64) -> i64 {
+    let towards_zero = v as i64;
+    towards_zero.saturating_sub(i64::from(towards_zero as f64 > v))
+}
+
 impl RowGrid {
     /// A grid that holds all points. `name` is the parameter that gave the size, for the error message.
     ///
@@ -79,7 +86,7 @@ impl RowGrid {
     /// Key of the cell that holds a position: sorted by y, then z, then x.
     #[inline(always)]
     pub(crate) fn key(&self, at: [f32; 3]) -> u64 {
-        let mut cell = at.map(|v| (f64::from(v) / self.size).floor() as i64);
+        let mut cell = at.map(|v| floor(f64::from(v) / self.size));
         for (cell, first) in cell.iter_mut().zip(self.first) {
             *cell = cell.wrapping_sub(first);
         }

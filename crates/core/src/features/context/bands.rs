@@ -1,7 +1,7 @@
 //! The band that the likely points of a class form around a point: how long, wide and thick it is, and where the point lies
 //! in it.
 
-use super::Rated;
+use super::{Rated, RatedPoint};
 use crate::error::Result;
 use crate::linalg::Spread;
 use crate::parallel::{Monitor, concat_watched, map_ordered};
@@ -101,16 +101,24 @@ impl Bands {
         Ok(Self { size: size as f32, classes, grid, index: CellIndex::new(cells.keys), bands })
     }
 
-    /// Writes, each for all classes: the largest probability, length, width and thickness of the band, the distances of the
-    /// point from its line and from its middle, and the point's probability as a share of the largest. Lengths are in voxels.
-    /// NaN where there is no band.
-    pub(super) fn describe(&self, at: [f32; 3], own: &[f32], mut out: [&mut [f32]; VALUES]) {
-        let cell = self.index.find(self.grid.key(at));
+    /// The voxels of some points.
+    pub(super) fn cells(&self, points: &[RatedPoint<'_>]) -> Vec<Option<u32>> {
+        self.index.find_each(&points.iter().map(|point| self.grid.key(point.at)).collect::<Vec<_>>())
+    }
+
+    /// Of a point in this voxel, each for all classes: the largest probability, length, width and thickness of the band, the
+    /// distances of the point from its line and from its middle, and the point's probability as a share of the largest.
+    /// Lengths are in voxels. NaN where there is no band.
+    pub(super) fn describe<'a>(&self, point: RatedPoint<'_>, cell: Option<u32>, out: &'a mut Vec<f32>) -> &'a [f32] {
+        let RatedPoint { at, own } = point;
+        out.resize(VALUES * self.classes, 0.0);
         for class in 0..self.classes {
-            let band = cell.map(|cell| &self.bands[cell * self.classes + class]).filter(|band| band.most > 0.0);
+            let band =
+                cell.map(|cell| &self.bands[cell as usize * self.classes + class]).filter(|band| band.most > 0.0);
             let values = band.map_or([f32::NAN; VALUES], |band| self.values(band, at, own[class]));
-            out.iter_mut().zip(values).for_each(|(slot, value)| slot[class] = value);
+            values.into_iter().enumerate().for_each(|(k, value)| out[k * self.classes + class] = value);
         }
+        out
     }
 
     fn values(&self, band: &Band, at: [f32; 3], own: f32) -> [f32; VALUES] {

@@ -10,6 +10,7 @@ mod stacks;
 
 use crate::cloud::Positions;
 use crate::error::{Error, Result};
+use crate::features::columns::{Columns, TableRows};
 use crate::features::definition::{Feature, class_name};
 use crate::parallel::{Monitor, map_each};
 use bands::Bands;
@@ -165,23 +166,122 @@ impl Context {
 
     /// Number of features.
     pub fn width(&self) -> usize {
-        let bands = bands::VALUES * self.bands.len();
-        self.classes * (1 + self.solids.len() + self.plans.len() + 3 * self.stacks.len() + bands)
+        self.classes * self.layers().map(|layer| layer.values()).sum::<usize>()
     }
 
-    /// The context of one of the points, whose own probabilities are `own`, in the order of [`ContextParams::names`].
-    pub fn describe(&self, at: [f32; 3], own: &[f32], out: &mut [f32]) {
-        let mut slots = out.chunks_exact_mut(self.classes);
-        let mut next = || slots.next().unwrap_or_default();
-        next().copy_from_slice(own);
-        self.solids.iter().for_each(|solid| solid.mean(at, next()));
-        self.plans.iter().for_each(|plan| plan.mean(at, next()));
-        for stacks in &self.stacks {
-            stacks.describe(at, [next(), next(), next()]);
+    /// The context of one of the points, in the order of [`ContextParams::names`].
+    pub fn describe(&self, point: RatedPoint<'_>, out: &mut [f32]) {
+        let (mut first, mut work) = (0, Vec::new());
+        for layer in self.layers() {
+            let slots = &mut out[first..first + self.classes * layer.values()];
+            match layer.describe(point, layer.cells(&[point])[0], &mut work) {
+                Some(values) => slots.copy_from_slice(values),
+                None => slots.fill(f32::NAN),
+            }
+            first += slots.len();
         }
-        for bands in &self.bands {
-            bands.describe(at, own, std::array::from_fn(|_| next()));
+    }
+
+    /// What is described, in the order of the features.
+    fn layers(&self) -> impl Iterator<Item = Layer<'_>> {
+        std::iter::once(Layer::Own)
+            .chain(self.solids.iter().map(Layer::Solid))
+            .chain(self.plans.iter().map(Layer::Plan))
+            .chain(self.stacks.iter().map(Layer::Stacks))
+            .chain(self.bands.iter().map(Layer::Bands))
+    }
+}
+
+/// One of the points of a context.
+#[derive(Clone, Copy, Debug)]
+pub struct RatedPoint<'a> {
+    /// Its position.
+    pub at: [f32; 3],
+    /// Its own probabilities, one a class.
+    pub own: &'a [f32],
+}
+
+/// The point's own probabilities, or its surroundings of one size.
+#[derive(Clone, Copy)]
+enum Layer<'a> {
+    Own,
+    Solid(&'a Solid),
+    Plan(&'a PlanCells),
+    Stacks(&'a Stacks),
+    Bands(&'a Bands),
+}
+
+impl Layer<'_> {
+    /// Number of features of each class.
+    const fn values(&self) -> usize {
+        match self {
+            Self::Own | Self::Solid(_) | Self::Plan(_) => 1,
+            Self::Stacks(_) => stacks::VALUES,
+            Self::Bands(_) => bands::VALUES,
         }
+    }
+
+    /// The cells of some points; `None` if there is no cell, or what is described does not depend on cells.
+    fn cells(&self, points: &[RatedPoint<'_>]) -> Vec<Option<u32>> {
+        match self {
+            Self::Own => vec![None; points.len()],
+            Self::Solid(solid) => solid.cells(points),
+            Self::Plan(plan) => plan.cells(points),
+            Self::Stacks(stacks) => stacks.cells(points),
+            Self::Bands(bands) => bands.cells(points),
+        }
+    }
+
+    /// The features of a point, whose cell is given: each for all classes, then the next. `None` if there is no point in its
+    /// surroundings.
+    #[inline(always)]
+    fn describe<'a>(&'a self, point: RatedPoint<'a>, cell: Option<u32>, work: &'a mut Vec<f32>) -> Option<&'a [f32]> {
+        match self {
+            Self::Own => Some(point.own),
+            Self::Solid(solid) => cell.map(|cell| solid.mean(cell)),
+            Self::Plan(plan) => cell.map(|cell| plan.mean(cell)),
+            Self::Stacks(stacks) => cell.map(|cell| stacks.describe(point.at[2], cell, work)),
+            Self::Bands(bands) => Some(bands.describe(point, cell, work)),
+        }
+    }
+}
+
+/// The context of a part of a cloud, and which of its features are selected.
+#[derive(Clone, Debug)]
+pub(crate) struct ContextPart {
+    context: Context,
+    columns: Columns,
+}
+
+impl ContextPart {
+    /// Selects features by their place in the order of [`ContextParams::names`]; the first stands in column `first`, the
+    /// others in those after it.
+    pub(crate) fn new(context: Context, features: &[usize], first: usize) -> Self {
+        let widths: Vec<usize> = context.layers().map(|layer| context.classes * layer.values()).collect();
+        let mut columns = Columns::default();
+        for (column, &feature) in (first..).zip(features) {
+            let (mut layer, mut within) = (0, feature);
+            while within >= widths[layer] {
+                within -= widths[layer];
+                layer += 1;
+            }
+            columns.put(layer, within, column);
+        }
+        Self { context, columns }
+    }
+
+    /// Writes the selected features of points into their rows; `point` is the point of a row.
+    pub(crate) fn write<'a>(&self, point: impl Fn(usize) -> RatedPoint<'a>, rows: TableRows<'_>) {
+        let (width, mut work) = (rows.width, Vec::new());
+        rows.together(|places, rows| {
+            let points: Vec<RatedPoint<'_>> = places.map(&point).collect();
+            for (number, layer) in self.context.layers().enumerate().filter(|(number, _)| self.columns.any(*number)) {
+                let cells = layer.cells(&points);
+                for ((&point, cell), row) in points.iter().zip(cells).zip(rows.chunks_exact_mut(width)) {
+                    self.columns.write(number, layer.describe(point, cell, &mut work), row);
+                }
+            }
+        });
     }
 }
 
@@ -228,7 +328,7 @@ mod tests {
         let mut out = vec![0.0; 14];
         for i in (0..4000).step_by(37) {
             let at = scene.points.xyz(i);
-            context.describe(at, rated.row(i), &mut out);
+            context.describe(RatedPoint { at, own: rated.row(i) }, &mut out);
             let near = |p: [f32; 3], a: usize, size: f32| ((p[a] / size).floor() - (at[a] / size).floor()).abs() <= 1.0;
             let same = |p: [f32; 3], a: usize| (p[a] / 2.0).floor() == (at[a] / 2.0).floor();
             let stack = |p: [f32; 3]| same(p, 0) && same(p, 1);
@@ -263,7 +363,7 @@ mod tests {
         let (mut out, mut none) = (vec![0.0; 16], 0);
         for i in (0..4000).step_by(37) {
             let at = points.xyz(i);
-            context.describe(at, rated.row(i), &mut out);
+            context.describe(RatedPoint { at, own: rated.row(i) }, &mut out);
             let near = |p: [f32; 3], a: usize| ((p[a] / 2.0).floor() - (at[a] / 2.0).floor()).abs() <= 1.0;
             let around: Vec<usize> = (0..4000).filter(|&j| (0..3).all(|a| near(points.xyz(j), a))).collect();
             let weight = |j: usize| f64::from(values[2 * j]);

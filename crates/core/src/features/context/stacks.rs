@@ -1,10 +1,13 @@
 //! Mean probabilities below and above a point in its cell in plan, and those of the highest point there.
 
-use super::Rated;
+use super::{Rated, RatedPoint};
 use crate::error::Result;
 use crate::parallel::{Looks, Monitor};
 use crate::voxels::cells::index::CellIndex;
 use crate::voxels::cells::{Cells, cell_of};
+
+/// Number of values of a class.
+pub(super) const VALUES: usize = 3;
 
 /// Cells in plan of one size, with their points from the lowest to the highest.
 #[derive(Clone, Debug)]
@@ -51,22 +54,27 @@ impl Stacks {
         Ok(Self { size, classes, index: CellIndex::new(cells.keys), starts, heights, sums, tops })
     }
 
-    /// Means of the points not above, of those not below, and of the highest ones; NaN in a cell without points.
-    pub(super) fn describe(&self, at: [f32; 3], [below, above, top]: [&mut [f32]; 3]) {
-        let key = cell_of([at[0], at[1]].map(|v| f64::from(v) / self.size));
-        let Some(c) = self.index.find(key) else {
-            [below, above, top].into_iter().for_each(|out| out.fill(f32::NAN));
-            return;
-        };
+    /// The cells of some points.
+    pub(super) fn cells(&self, points: &[RatedPoint<'_>]) -> Vec<Option<u32>> {
+        let key = |point: &RatedPoint<'_>| cell_of([point.at[0], point.at[1]].map(|v| f64::from(v) / self.size));
+        self.index.find_each(&points.iter().map(key).collect::<Vec<_>>())
+    }
+
+    /// Means of the points of a cell that are not above a height, of those not below, and of the highest ones.
+    #[inline]
+    pub(super) fn describe<'a>(&self, z: f32, cell: u32, out: &'a mut Vec<f32>) -> &'a [f32] {
+        let (c, classes) = (cell as usize, self.classes);
         let (start, end) = (self.starts[c] as usize, self.starts[c + 1] as usize);
         let heights = &self.heights[start..end];
-        let lower = heights.partition_point(|&h| h < at[2]);
-        let not_higher = heights.partition_point(|&h| h <= at[2]);
-        for k in 0..self.classes {
-            let sum = |count: usize| if count == 0 { 0.0 } else { self.sums[(start + count - 1) * self.classes + k] };
-            below[k] = sum(not_higher) / not_higher as f32;
-            above[k] = (sum(heights.len()) - sum(lower)) / (heights.len() - lower) as f32;
-            top[k] = self.tops[c * self.classes + k];
+        let lower = heights.partition_point(|&h| h < z);
+        let not_higher = heights.partition_point(|&h| h <= z);
+        out.resize(VALUES * classes, 0.0);
+        for k in 0..classes {
+            let sum = |count: usize| if count == 0 { 0.0 } else { self.sums[(start + count - 1) * classes + k] };
+            out[k] = sum(not_higher) / not_higher as f32;
+            out[classes + k] = (sum(heights.len()) - sum(lower)) / (heights.len() - lower) as f32;
+            out[2 * classes + k] = self.tops[c * classes + k];
         }
+        out
     }
 }

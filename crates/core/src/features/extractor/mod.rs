@@ -5,6 +5,7 @@ pub(super) mod spacing;
 pub(super) mod stream;
 pub(super) mod tiles;
 
+use super::columns::{Columns, TableRows};
 use super::params::{FeatureSet, Place};
 use super::profile::Profiles;
 use super::pyramid::region::{Region, Sorted};
@@ -13,10 +14,10 @@ use super::pyramid::{Job, Part, Stage};
 use crate::cloud::{MetricCloud, Points, Positions};
 use crate::error::{Error, Result, nearest_names};
 use crate::parallel::Monitor;
-use crate::voxels::{Columns, Grid, Level, build_levels, sorted};
+use crate::voxels::cells::index::block_of;
+use crate::voxels::{Grid, Level, build_levels, sorted};
 use extras::{PointSource, dimensions, sources};
 use spacing::{scale_of, spacing};
-use std::ops::Range;
 use std::sync::Arc;
 
 pub use super::pyramid::Scratch;
@@ -61,8 +62,8 @@ pub(super) struct Plan<'a> {
     names: Vec<String>,
     /// Of each level, from the finest to the coarsest of which a feature is selected.
     slots: Vec<Slots>,
-    /// Column and number of each profile value.
-    profile: Vec<[usize; 2]>,
+    /// Of the profiles, a layer for each size of cells.
+    profile: Columns,
     own: Vec<(usize, PointSource<'a>)>,
 }
 
@@ -117,11 +118,13 @@ impl<'a> Plan<'a> {
         let names = wanted.names(&all)?;
         let (sources, dimensions) = (sources(scene, set, monitor)?, dimensions(scene.cloud, set)?);
         let (mut slots, mut profile, mut own) =
-            (vec![Slots::default(); set.pyramid.count(first_scale)], Vec::new(), Vec::new());
+            (vec![Slots::default(); set.pyramid.count(first_scale)], Columns::default(), Vec::new());
         for (offer, column) in offers.iter().zip(columns(&all, &names)?) {
             match (column, offer.place) {
                 (Some(column), Place::Level(level, feature)) => slots[level].put(feature, column),
-                (Some(column), Place::Profile(number)) => profile.push([column, number]),
+                (Some(column), Place::Profile(number)) => {
+                    profile.put(number / Profiles::FEATURES, number % Profiles::FEATURES, column);
+                }
                 (Some(column), Place::Own(feature)) => {
                     let of = sources.iter().filter(|(own, _)| *own == feature);
                     own.extend(of.map(|(_, source)| (column, source.clone())));
@@ -157,10 +160,6 @@ impl<'a> Planned<'a> {
         let plan = Plan::new(scene, Selection { set, first_scale, wanted }, monitor)?;
         monitor.stage("pyramid", points.len() as u64);
         let grid = Grid::new(&points, first_scale)?;
-        if !Columns::fits(&points.positions, set.pyramid.column_radius * first_scale) {
-            let expected = "a wider column, or a larger first scale: the columns of this extent are too many";
-            return Err(Error::parameter("column_radius", set.pyramid.column_radius, expected));
-        }
         let points = sorted(points, &grid, monitor)?;
         Ok(Self { plan, sorted: Sorted { points, grid } })
     }
@@ -225,37 +224,22 @@ impl<'a> Extractor<'a> {
     ///
     /// May be called from many threads, each with its own scratch.
     pub fn block(&self, block: usize, scratch: &mut Scratch, rows: &mut Vec<f32>) -> &[u32] {
-        let first = (block * Self::BLOCK).min(self.queries.len());
-        let range = first..(first + Self::BLOCK).min(self.queries.len());
-        rows.clear();
-        rows.resize(range.len() * self.plan.names.len(), 0.0);
-        let mut job =
-            Job { points: &self.queries.positions, range: range.clone(), width: self.plan.names.len(), out: rows };
+        let (range, width) = (block_of(block, Self::BLOCK, self.queries.len()), self.plan.names.len());
+        // All values are written below.
+        rows.resize(range.len() * width, 0.0);
+        let mut job = Job { points: &self.queries.positions, range: range.clone(), width, out: rows };
         scratch.begin();
         for stage in &self.stages {
             stage.describe(&mut job, &self.plan.set.pyramid, scratch);
         }
         scratch.finish();
-        self.profile(range.clone(), scratch, rows);
+        let at = |row: usize| self.queries.positions.xyz(range.start + row);
+        self.profiles.write(at, &self.plan.profile, TableRows { values: rows, width });
         let points = &self.queries.frame.index[range];
         for (slot, source) in &self.plan.own {
-            let column = rows.chunks_exact_mut(self.plan.names.len());
-            column.zip(points).for_each(|(row, &point)| row[*slot] = source.get(point));
+            rows.chunks_exact_mut(width).zip(points).for_each(|(row, &point)| row[*slot] = source.get(point));
         }
         points
-    }
-
-    /// The profiles of some points.
-    fn profile(&self, range: Range<usize>, scratch: &mut Scratch, rows: &mut [f32]) {
-        if self.plan.profile.is_empty() {
-            return;
-        }
-        let values = &mut scratch.profile;
-        values.resize(Profiles::FEATURES * self.plan.set.profile.cells.len(), 0.0);
-        for (i, row) in range.zip(rows.chunks_exact_mut(self.plan.names.len())) {
-            self.profiles.describe(self.queries.positions.xyz(i), values);
-            self.plan.profile.iter().for_each(|&[column, number]| row[column] = values[number]);
-        }
     }
 
     /// Number of the part of the cloud; only the first extractor of a part has all of its points.

@@ -11,7 +11,8 @@ use crate::error::Result;
 use crate::features::params::FeatureSet;
 use crate::features::profile::Profiles;
 use crate::features::pyramid::region::{Margin, Region, Sorted};
-use crate::parallel::{Monitor, watched};
+use crate::parallel::{Monitor, map_ordered};
+use crate::voxels::cells::index::block_of;
 use crate::voxels::{LevelLimits, build_levels, coarse_levels};
 use std::ops::Range;
 use std::sync::Arc;
@@ -28,6 +29,9 @@ const COARSE_SHARE: usize = 8;
 /// Width of the margin in voxels of the coarsest fine level, unless columns need more.
 const MARGIN: u32 = 32;
 
+/// Points that share a box; they are near each other, as they are sorted.
+const BOXED: usize = 1024;
+
 /// A cloud's sorted points and coarse levels.
 pub struct Tiles<'a> {
     plan: Plan<'a>,
@@ -35,6 +39,8 @@ pub struct Tiles<'a> {
     fine: usize,
     coarse: Vec<Arc<crate::features::pyramid::Stage>>,
     parts: Vec<Range<usize>>,
+    /// Of each [`BOXED`] points, the box in plan.
+    boxes: Vec<PlanBox>,
 }
 
 impl<'a> Tiles<'a> {
@@ -75,7 +81,11 @@ impl<'a> Tiles<'a> {
         let coarse = plan.stages(fine, levels, None, monitor)?;
         let mut parts = Vec::new();
         Octants { sorted: &sorted, most }.divide(0..count, 63, &mut parts);
-        Ok(Self { plan, sorted, fine, coarse, parts })
+        let boxes = map_ordered(count.div_ceil(BOXED), monitor, |b| {
+            let range = block_of(b, BOXED, count);
+            Ok(PlanBox::of(&sorted.points.positions.x[range.clone()], &sorted.points.positions.y[range]))
+        })?;
+        Ok(Self { plan, sorted, fine, coarse, parts, boxes })
     }
 
     /// Total number of points.
@@ -163,14 +173,14 @@ impl<'a> Tiles<'a> {
     /// If the work was cancelled.
     pub(crate) fn around(&self, box_of: &Positions, reach: f64, monitor: &Monitor) -> Result<Points> {
         let all = &self.sorted.points;
-        let reach = reach as f32;
-        let span = |axis: &[f32]| axis.iter().fold([f32::MAX, f32::MIN], |[l, h], &v| [l.min(v), h.max(v)]);
-        let ([west, east], [south, north]) = (span(&box_of.x), span(&box_of.y));
-        let inside =
-            |x: f32, y: f32| x >= west - reach && x <= east + reach && y >= south - reach && y <= north + reach;
+        let wanted = PlanBox::of(&box_of.x, &box_of.y).wider(reach as f32);
         let mut near: Vec<u32> = Vec::new();
-        for piece in watched(all.len(), monitor) {
-            near.extend(piece?.filter(|&i| inside(all.positions.x[i], all.positions.y[i])).map(|i| i as u32));
+        for (b, points) in self.boxes.iter().enumerate() {
+            monitor.check()?;
+            if points.meets(&wanted) {
+                let inside = |&i: &usize| wanted.holds(all.positions.x[i], all.positions.y[i]);
+                near.extend(block_of(b, BOXED, all.len()).filter(inside).map(|i| i as u32));
+            }
         }
         all.select(&near, monitor)
     }
@@ -204,6 +214,37 @@ impl<'a> Tiles<'a> {
         stages.extend(self.coarse.iter().cloned());
         let queries = self.sorted.points.select(places, monitor)?;
         Ok(Extractor { plan: self.plan.clone(), stages, profiles: Arc::default(), queries, part: 0 })
+    }
+}
+
+/// A rectangle in plan, its border included.
+#[derive(Clone, Copy, Debug)]
+struct PlanBox {
+    /// Least x and y.
+    low: [f32; 2],
+    /// Greatest x and y.
+    high: [f32; 2],
+}
+
+impl PlanBox {
+    /// The box of points.
+    fn of(x: &[f32], y: &[f32]) -> Self {
+        let least = |axis: &[f32]| axis.iter().copied().fold(f32::MAX, f32::min);
+        let greatest = |axis: &[f32]| axis.iter().copied().fold(f32::MIN, f32::max);
+        Self { low: [least(x), least(y)], high: [greatest(x), greatest(y)] }
+    }
+
+    fn wider(self, by: f32) -> Self {
+        Self { low: self.low.map(|v| v - by), high: self.high.map(|v| v + by) }
+    }
+
+    fn meets(&self, other: &Self) -> bool {
+        (0..2).all(|a| self.low[a] <= other.high[a] && self.high[a] >= other.low[a])
+    }
+
+    fn holds(&self, x: f32, y: f32) -> bool {
+        let Self { low, high } = self;
+        x >= low[0] && x <= high[0] && y >= low[1] && y <= high[1]
     }
 }
 

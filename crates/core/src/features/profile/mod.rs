@@ -7,6 +7,7 @@
 mod cell;
 mod surface;
 
+use super::columns::{Columns, TableRows};
 use super::definition::{Feature, Group, scaled_name};
 use crate::cloud::Positions;
 use crate::error::{Error, Result};
@@ -105,11 +106,24 @@ impl Profiles {
     /// without points.
     pub fn describe(&self, at: [f32; 3], out: &mut [f32]) {
         for (grid, out) in self.grids.iter().zip(out.chunks_exact_mut(Self::FEATURES)) {
-            match grid.profile(at, self.own) {
-                Some(values) => out.copy_from_slice(&values),
-                None => out.fill(f32::NAN),
-            }
+            grid.profiles(&[at], self.own, |_, values| {
+                out.copy_from_slice(&values.unwrap_or([f32::NAN; Self::FEATURES]));
+            });
         }
+    }
+
+    /// Writes the selected features of points into their rows; `at` is the position of the point of a row.
+    pub(super) fn write(&self, at: impl Fn(usize) -> [f32; 3], columns: &Columns, rows: TableRows<'_>) {
+        let width = rows.width;
+        rows.together(|places, rows| {
+            let points: Vec<[f32; 3]> = places.map(&at).collect();
+            for (layer, grid) in self.grids.iter().enumerate().filter(|(layer, _)| columns.any(*layer)) {
+                grid.profiles(&points, self.own, |i, values| {
+                    let row = &mut rows[i * width..][..width];
+                    columns.write(layer, values.as_ref().map(|values| &values[..]), row);
+                });
+            }
+        });
     }
 }
 

@@ -49,7 +49,6 @@ pub struct Scratch {
     surfaces: Surfaces,
     found: [[u32; LANES]; MOST],
     loose: Vec<u32>,
-    pub(super) profile: Vec<f32>,
 }
 
 impl Scratch {
@@ -79,7 +78,6 @@ impl Default for Scratch {
             surfaces: Surfaces::default(),
             found: [[0; LANES]; MOST],
             loose: Vec::new(),
-            profile: Vec::new(),
         }
     }
 }
@@ -222,8 +220,8 @@ impl Stage {
             let i = work.job.range.start + row;
             let at = points.xyz(i);
             let (low, high) = match work.params.column {
-                Column::Cylinder => work.scratch.columns.cylinder(&self.part.level, columns, at),
-                Column::Cell => work.scratch.columns.grid_cell(&self.part.level, columns, at),
+                Column::Cylinder => work.scratch.columns.cylinder(columns, at),
+                Column::Cell => ColumnSearch::grid_cell(columns, at),
             };
             range[l] = high - low;
             below[l] = at[2] - low;

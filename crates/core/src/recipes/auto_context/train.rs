@@ -11,7 +11,7 @@ use crate::classification::{
 use crate::cloud::{MetricCloud, Points};
 use crate::error::{Error, Result};
 use crate::features::definition::{Feature, Scope};
-use crate::features::{self, Context, Rated};
+use crate::features::{self, Context, Rated, RatedPoint};
 use crate::parallel::Monitor;
 use crate::recipes::classify::predict::CloudPredictor;
 use crate::recipes::regularise::Regularise;
@@ -255,7 +255,7 @@ impl Lessons<'_> {
             for point in source.points() {
                 let row = row_of[point as usize] as usize;
                 let own = &rated.probabilities[row * codes.len()..][..codes.len()];
-                context.describe(prepared.points.positions.xyz(row), own, &mut around);
+                context.describe(RatedPoint { at: prepared.points.positions.xyz(row), own }, &mut around);
                 described.values.extend(kept.iter().map(|&column| first.row(sample)[column]));
                 described.values.extend_from_slice(&around);
                 right += u64::from(argmax(own) == usize::from(first.labels[sample]));
@@ -266,7 +266,7 @@ impl Lessons<'_> {
             for (own, &point) in trial.rows.chunks_exact(first.names.len()).zip(&trial.points) {
                 let row = row_of[point as usize] as usize;
                 let rated = &rated.probabilities[row * codes.len()..][..codes.len()];
-                context.describe(prepared.points.positions.xyz(row), rated, &mut around);
+                context.describe(RatedPoint { at: prepared.points.positions.xyz(row), own: rated }, &mut around);
                 rows.extend(kept.iter().map(|&column| own[column]));
                 rows.extend_from_slice(&around);
             }

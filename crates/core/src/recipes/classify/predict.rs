@@ -5,12 +5,14 @@ use crate::classification::{Classifier, ClassifierScratch, Fingerprint, Predicto
 use crate::cloud::MetricCloud;
 use crate::error::{Error, Result};
 use crate::features::{
-    Context, ContextParams, Extractor, FeatureSet, FeatureTable, Middle, Rated, Scratch, Tiles, Wanted,
+    Context, ContextParams, ContextPart, Extractor, FeatureSet, FeatureTable, Middle, Rated, RatedPoint, Scratch,
+    TableRows, Tiles, Wanted,
 };
 use crate::parallel::{Monitor, map_ordered_with};
 use crate::recipes::classify::FeatureFit;
 use crate::recipes::classify::candidates::{Candidates, Found, Rows};
 use crate::recipes::trained::Stage;
+use crate::voxels::cells::index::block_of;
 use std::borrow::Cow;
 
 /// Number of blocks that are classified together: the more rows share a path through a tree, the cheaper it is.
@@ -64,50 +66,36 @@ pub(in crate::recipes) struct ContextColumns<'a> {
     pub(in crate::recipes) codes: &'a [u8],
 }
 
-/// The context of the points of a part.
-pub(in crate::recipes) struct PartContext<'a> {
-    columns: &'a ContextColumns<'a>,
-    classes: usize,
-    context: Context,
-    /// Positions of the columns that are wanted.
-    kept: Vec<usize>,
-}
-
 impl ContextColumns<'_> {
-    /// The context of the points of an extractor, in the order of `names`.
+    /// The context of the points of an extractor; the features `names` stand after the extractor's own.
     ///
     /// # Errors
     /// If a name is unknown, or the work was cancelled.
-    pub(in crate::recipes) fn of_part(
+    fn of_part(
         &self,
         tiles: &Tiles<'_>,
         extractor: &Extractor<'_>,
         names: &[String],
         monitor: &Monitor,
-    ) -> Result<PartContext<'_>> {
+    ) -> Result<ContextPart> {
         let all = self.params.names(self.codes);
         let position = |name: &String| {
             let unknown =
                 || Error::ModelMismatch(format!("it needs the feature {name}, which its recipe does not give"));
             all.iter().position(|other| other == name).ok_or_else(unknown)
         };
-        let kept = names.iter().map(position).collect::<Result<Vec<_>>>()?;
-        let classes = self.codes.len();
+        let features = names.iter().map(position).collect::<Result<Vec<_>>>()?;
         let near = tiles.around(&extractor.points().positions, self.params.reach(), monitor)?;
-        let row = |&point: &u32| self.probabilities[point as usize * classes..][..classes].iter();
-        let probabilities: Vec<f32> = near.frame.index.iter().flat_map(row).copied().collect();
-        let rated = Rated { points: &near.positions, probabilities: &probabilities, classes };
-        Ok(PartContext { columns: self, classes, context: Context::new(&rated, self.params, monitor)?, kept })
+        let mut probabilities = Vec::with_capacity(near.len() * self.codes.len());
+        near.frame.index.iter().for_each(|&point| probabilities.extend_from_slice(self.of(point)));
+        let rated = Rated { points: &near.positions, probabilities: &probabilities, classes: self.codes.len() };
+        let context = Context::new(&rated, self.params, monitor)?;
+        Ok(ContextPart::new(context, &features, extractor.names().len()))
     }
-}
 
-impl PartContext<'_> {
-    /// Appends the columns of a point at this place to a row.
-    pub(in crate::recipes) fn append(&self, point: u32, at: [f32; 3], work: &mut Vec<f32>, row: &mut Vec<f32>) {
-        let own = &self.columns.probabilities[point as usize * self.classes..][..self.classes];
-        work.resize(self.context.width(), 0.0);
-        self.context.describe(at, own, work);
-        row.extend(self.kept.iter().map(|&column| work[column]));
+    /// The probabilities of a point of the cloud.
+    fn of(&self, point: u32) -> &[f32] {
+        &self.probabilities[point as usize * self.codes.len()..][..self.codes.len()]
     }
 }
 
@@ -189,7 +177,7 @@ impl Group {
 /// Points of a part, and what a first classifier says about their surroundings.
 struct Part<'a> {
     extractor: &'a Extractor<'a>,
-    context: Option<&'a PartContext<'a>>,
+    context: Option<&'a ContextPart>,
 }
 
 #[derive(Default)]
@@ -197,7 +185,6 @@ struct Workspace {
     scratch: Scratch,
     block: Vec<f32>,
     rows: Vec<f32>,
-    context: Vec<f32>,
     classifier: ClassifierScratch,
     cars: ClassifierScratch,
 }
@@ -416,28 +403,33 @@ impl<'a> CloudPredictor<'a> {
         let extractor = part.extractor;
         let (mut points, mut loose) = (Vec::new(), Vec::new());
         work.rows.clear();
-        for block in group * TOGETHER..((group + 1) * TOGETHER).min(extractor.blocks()) {
+        for block in block_of(group, TOGETHER, extractor.blocks()) {
             monitor.check()?;
             let here = extractor.block(block, &mut work.scratch, &mut work.block);
-            points.extend_from_slice(here);
-            let width = extractor.names().len();
-            let own = |r: usize| r * width..(r + 1) * width;
+            let (first, width) = (points.len(), extractor.names().len());
+            let own = |r: usize| &work.block[r * width..(r + 1) * width];
             match (&self.beside, part.context) {
-                (Beside::First(first), _) => {
+                (Beside::First(before), _) => {
                     for (r, &point) in here.iter().enumerate() {
-                        work.rows.extend_from_slice(first.table.row(first.row_of[point as usize] as usize));
-                        work.rows.extend_from_slice(&work.block[own(r)]);
+                        work.rows.extend_from_slice(before.table.row(before.row_of[point as usize] as usize));
+                        work.rows.extend_from_slice(own(r));
                     }
                 }
-                (_, Some(context)) => {
-                    for (r, &point) in here.iter().enumerate() {
-                        work.rows.extend_from_slice(&work.block[own(r)]);
-                        let at = extractor.points().positions.xyz(block * Extractor::BLOCK + r);
-                        context.append(point, at, &mut work.context, &mut work.rows);
-                    }
+                (Beside::Context(columns), Some(context)) => {
+                    let wide = self.names.len();
+                    work.rows.resize((first + here.len()) * wide, 0.0);
+                    let rows = &mut work.rows[first * wide..];
+                    let each = rows.chunks_exact_mut(wide).enumerate();
+                    each.for_each(|(r, row)| row[..width].copy_from_slice(own(r)));
+                    let rated = |r: usize| RatedPoint {
+                        at: extractor.points().positions.xyz(block * Extractor::BLOCK + r),
+                        own: columns.of(here[r]),
+                    };
+                    context.write(rated, TableRows { values: rows, width: wide });
                 }
-                (_, None) => work.rows.extend_from_slice(&work.block),
+                _ => work.rows.extend_from_slice(&work.block),
             }
+            points.extend_from_slice(here);
             loose.extend(work.scratch.loose().iter().map(|&row| block * Extractor::BLOCK + row as usize));
         }
         let mut probabilities = vec![0.0; points.len() * self.classifier.classes()];

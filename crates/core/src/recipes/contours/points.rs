@@ -11,7 +11,7 @@ use crate::classification::{
 };
 use crate::cloud::MetricCloud;
 use crate::error::{Error, Result};
-use crate::features::{self, Context, FeatureSet, Rated};
+use crate::features::{self, Context, FeatureSet, Rated, RatedPoint};
 use crate::parallel::Monitor;
 use crate::recipes::classify::predict::CloudPredictor;
 use crate::recipes::trained::{EarlierStage, Stage};
@@ -215,7 +215,7 @@ impl<'a> PointLessons<'a> {
         let mut rows = vec![0.0; samples.len() * context.width()];
         for (&point, row) in samples.iter().zip(rows.chunks_exact_mut(context.width())) {
             let at = row_of[point as usize] as usize;
-            context.describe(points.positions.xyz(at), &likelihoods[at..=at], row);
+            context.describe(RatedPoint { at: points.positions.xyz(at), own: &likelihoods[at..=at] }, row);
         }
         Ok(rows)
     }

@@ -1,6 +1,6 @@
 //! Finds occupied cells: by their key, and around every cell in turn.
 
-use super::CellKey;
+use super::{CellKey, packed};
 use std::ops::Range;
 
 /// Entries of the table for each occupied cell, at most.
@@ -66,20 +66,68 @@ impl<K: CellKey> CellIndex<K> {
     #[inline(always)]
     pub(crate) fn find(&self, key: K) -> Option<usize> {
         let cells = self.cells(self.entry(&key)?)?;
-        let start = cells.start;
-        self.keys[cells].binary_search(&key).ok().map(|place| start + place)
+        let place = cells.start + before(&self.keys[cells.clone()], key);
+        (place < cells.end && self.keys[place] == key).then_some(place)
+    }
+
+    /// The cell of each of some keys. What lies far apart in memory is read for many keys before the first is compared, so
+    /// that the processor waits for all of it at once.
+    pub(crate) fn find_each(&self, keys: &[K]) -> Vec<Option<u32>> {
+        let mut found = Vec::with_capacity(keys.len());
+        for keys in keys.chunks(AT_ONCE) {
+            let (mut entries, mut firsts) = ([[0, 0]; AT_ONCE], [K::default(); AT_ONCE]);
+            for (key, entry) in keys.iter().zip(&mut entries) {
+                let cells = self.entry(key).and_then(|entry| self.cells(entry)).unwrap_or_default();
+                *entry = [cells.start, cells.end];
+            }
+            for ([start, _], first) in entries.iter().zip(&mut firsts) {
+                *first = self.keys.get(*start).copied().unwrap_or_default();
+            }
+            for ((&key, first), [start, end]) in keys.iter().zip(firsts).zip(entries) {
+                let place = match start == end || first == key {
+                    true => start,
+                    false => start + before(&self.keys[start..end], key),
+                };
+                found.push((place < end && self.keys[place] == key).then_some(place as u32));
+            }
+        }
+        found
     }
 
     /// The first cell that is not before this key; the number of cells if all are.
+    #[inline(always)]
     pub(crate) fn seek(&self, key: K) -> usize {
         let Some(entry) = self.entry(&key) else { return 0 };
         let Some(cells) = self.cells(entry) else { return self.keys.len() };
-        cells.start + self.keys[cells].partition_point(|other| *other < key)
+        cells.start + before(&self.keys[cells], key)
+    }
+
+    /// The occupied cells from one key to another; meant for few.
+    #[inline(always)]
+    pub(crate) fn run(&self, from: K, to: K) -> Range<usize> {
+        let start = self.seek(from);
+        let within = self.keys[start..].iter().take_while(|&&key| !to.before(key));
+        start..start + within.count()
     }
 
     /// The keys of all cells, ascending.
     pub(crate) fn keys(&self) -> &[K] {
         &self.keys
+    }
+}
+
+/// Keys that are looked up at once.
+const AT_ONCE: usize = 64;
+
+/// Up to this many keys are compared one after the other.
+const FEW: usize = 8;
+
+/// How many of these keys, which ascend, are before another.
+#[inline(always)]
+fn before<K: CellKey>(keys: &[K], key: K) -> usize {
+    match keys.len() {
+        0..=FEW => keys.iter().take_while(|other| other.before(key)).count(),
+        _ => keys.partition_point(|other| other.before(key)),
     }
 }
 
@@ -114,13 +162,19 @@ impl<'a, const SIDE: usize> Walk<'a, SIDE> {
         let keys = self.keys;
         for (i, row) in self.rows.iter_mut().enumerate() {
             let from = Self::corner(keys[c], row.offset);
-            row.start += keys[row.start..].iter().take_while(|key| **key < from).count();
-            for (near, key) in (row.start..).zip(&keys[row.start..]) {
-                let j = i64::from(key[1]) - i64::from(from[1]);
-                if key[0] != from[0] || j > 2 * SIDE as i64 {
-                    break;
-                }
-                found(near, [i, j as usize]);
+            let (first, last) = (packed(from), packed([from[0], from[1].saturating_add(2 * SIDE as i32)]));
+            let mut ahead = keys[row.start..].iter().map(|&key| packed(key)).enumerate();
+            let Some((passed, mut key)) = ahead.find(|&(_, key)| key >= first) else {
+                row.start = keys.len();
+                continue;
+            };
+            row.start += passed;
+            let mut near = row.start;
+            while key <= last {
+                found(near, [i, (key - first) as usize]);
+                near += 1;
+                let Some((_, next)) = ahead.next() else { break };
+                key = next;
             }
         }
     }
@@ -151,7 +205,9 @@ mod tests {
             let mut s = stream(8, 9);
             for _ in 0..2000 {
                 let key = cell_of([s.uniform() - 0.5, s.uniform() - 0.5].map(|v| 1.3 * v * reach));
-                assert_eq!(index.seek(key), keys.partition_point(|other| *other < key));
+                let first = keys.partition_point(|other| *other < key);
+                let to = [key[0], key[1].saturating_add(2)];
+                assert_eq!((index.seek(key), index.run(key, to)), (first, first..keys.partition_point(|k| *k <= to)));
             }
         }
         assert_eq!(CellIndex::<[i32; 2]>::new(Vec::new()).seek([3, 3]), 0);
@@ -172,6 +228,10 @@ mod tests {
                 let beside = [key[0], key[1].wrapping_add(1)];
                 assert_eq!(index.find(beside), index.keys.binary_search(&beside).ok());
             }
+            let beside: Vec<[i32; 2]> =
+                index.keys.iter().flat_map(|&[x, y]| [[x, y], [y, x], [x.wrapping_add(1), y]]).collect();
+            let each: Vec<Option<u32>> = beside.iter().map(|&key| index.find(key).map(|cell| cell as u32)).collect();
+            assert_eq!(index.find_each(&beside), each);
             assert_eq!(index.find([i32::MAX, 0]), None);
             assert_eq!(index.find([i32::MIN, 0]), None);
         }

@@ -28,6 +28,18 @@ pub(crate) trait CellKey: Copy + Default + Ord + Send + Sync {
 
     /// The key of these numbers.
     fn of(axes: [i64; 3]) -> Self;
+
+    /// Whether it sorts before another key.
+    #[inline(always)]
+    fn before(self, other: Self) -> bool {
+        self < other
+    }
+}
+
+/// A number that sorts as the key of a cell in plan does: one comparison in place of two.
+#[inline(always)]
+fn packed([x, y]: [i32; 2]) -> i64 {
+    i64::from(x) << 32 | i64::from(y as u32 ^ 1 << 31)
 }
 
 impl CellKey for [i32; 2] {
@@ -39,6 +51,11 @@ impl CellKey for [i32; 2] {
     #[inline(always)]
     fn of(axes: [i64; 3]) -> Self {
         [axes[0] as i32, axes[1] as i32]
+    }
+
+    #[inline(always)]
+    fn before(self, other: Self) -> bool {
+        packed(self) < packed(other)
     }
 }
 
@@ -59,7 +76,8 @@ impl CellKey for [i32; 3] {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Cells<K> {
     pub(crate) keys: Vec<K>,
-    starts: Vec<u32>,
+    /// First item of each cell, and the number of items.
+    pub(crate) starts: Vec<u32>,
     pub(crate) items: Vec<u32>,
 }
 
@@ -195,6 +213,15 @@ mod tests {
             assert!(cells.keys.is_sorted_by(|a, b| a < b), "{reach}");
         }
         assert_eq!(Cells::<[i32; 2]>::new(0, |_| [0, 0], &Monitor::default()).unwrap().len(), 0);
+    }
+
+    #[test]
+    fn keys_in_plan_sort_as_their_numbers() {
+        let some = [i32::MIN, -7, -1, 0, 3, i32::MAX];
+        let keys: Vec<[i32; 2]> = some.iter().flat_map(|&x| some.map(|y| [x, y])).collect();
+        for &a in &keys {
+            assert!(keys.iter().all(|&b| a.before(b) == (a < b)), "{a:?}");
+        }
     }
 
     #[test]
