@@ -1,7 +1,7 @@
 //! Occupied cells of a sparse grid, and the points in them.
 //!
-//! Cells are stored in blocks of 4 x 4 x 4: one bit a cell in a 64-bit word, in Morton order, and the number
-//! of occupied cells before the block. Blocks are found by a hash table with open addressing.
+//! Cells are stored in blocks of 4 x 4 x 4: one bit a cell in a 64-bit word, in Morton order, and the number of occupied
+//! cells before the block. Blocks are found by a hash table with open addressing.
 
 use super::morton;
 use crate::error::Result;
