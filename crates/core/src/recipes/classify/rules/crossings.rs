@@ -18,7 +18,7 @@ const CELL: f64 = 1.0;
 const WIDTH: f64 = 20.0;
 /// Least drop, metres.
 const DROP: f64 = 0.7;
-/// Drops and level cells are at most so many cells apart, two steps at the most.
+/// So many cells between drops and level cells may be empty.
 const GAP: i32 = 1;
 /// Heights of level cells differ by this much, metres, and by this slope.
 const LEVEL: f64 = 0.4;
@@ -40,7 +40,10 @@ const PIECE: usize = 3;
 /// Cells of one piece are at most so many cells apart: one between them may be empty.
 const APART: i32 = 2;
 /// Axes between those of [`AXES`]; with fewer axes across, a wide deck over a narrow channel is missed.
-const BETWEEN: [[i32; 2]; 4] = [[2, 1], [1, 2], [2, -1], [1, -2]];
+const BETWEEN: [[i32; 2]; 12] =
+    [[2, 1], [1, 2], [2, -1], [1, -2], [3, 1], [1, 3], [3, -1], [1, -3], [3, 2], [2, 3], [3, -2], [2, -3]];
+/// From a cell to the next along a way at most so many cells.
+const STEP: f64 = 5.0;
 
 /// A level way across lower ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -196,7 +199,7 @@ impl Scene<'_> {
             let most = LEVEL + GRADE * self.distance(brink, key);
             ((self.height(near) - self.height(brink)).abs() <= most).then_some(Next::Level(near))
         };
-        (1..=GAP + 1).find_map(find)
+        (1..=GAP + 1).take_while(|&steps| f64::from(steps) * length(direction) < STEP).find_map(find)
     }
 
     /// The depth of a drop if it is steep and ground rises on both sides along the way.
