@@ -9,8 +9,8 @@ use super::{BUILDING, GROUND};
 use crate::error::Result;
 use crate::parallel::{Monitor, map_watched};
 use crate::voxels::cells::index::CellIndex;
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
-use std::ops::RangeInclusive;
 
 /// Least edge of a cell, metres; also [`SPACINGS`] point spacings.
 const CELL: f64 = 1.0;
@@ -33,11 +33,15 @@ const BANK: f64 = 25.0;
 const AREA: f64 = 10.0;
 /// Building or unclassified points up to about so many metres beyond may hide where the way meets the ground.
 const APPROACH: f64 = 3.0;
-/// Pieces of ground that the way meets: rough land is met in many.
-const ENDS: RangeInclusive<usize> = 2..=3;
+/// Most pieces of ground that the way meets: rough land is met in many.
+const ENDS: usize = 3;
+/// The second piece has this share of the cells of the first: a deck is met along its width at both ends.
+const ALIKE: f64 = 0.3;
 /// Least number of cells of a piece.
 const PIECE: usize = 3;
-/// Cells of one piece are at most so many cells apart: one between them may be empty.
+/// Least area of the ground that begins at a piece, square metres.
+const LAND: f64 = 60.0;
+/// Cells of one piece are at most so many cells apart: one between them may be empty, but neither lower nor on the way.
 const APART: i32 = 2;
 /// Axes between those of [`AXES`]; with fewer axes across, a wide deck over a narrow channel is missed.
 const BETWEEN: [[i32; 2]; 12] =
@@ -167,7 +171,6 @@ impl Scene<'_> {
     fn strip(&self, brink: usize, direction: [i32; 2]) -> Option<Strip> {
         let Next::Drop(first) = self.next(brink, brink, direction)? else { return None };
         let back = direction.map(|step| -step);
-        let run = self.run(direction);
         let mut cells = vec![brink];
         let last = loop {
             match self.next(brink, *cells.last()?, back)? {
@@ -179,8 +182,8 @@ impl Scene<'_> {
             }
         };
         let feet = [0, 1].map(|axis| f64::from(first.foot[axis] - last.foot[axis]) * self.edge);
-        let width = feet[0].hypot(feet[1]) - run;
-        if width > WIDTH + run {
+        let width = feet[0].hypot(feet[1]) - self.edge;
+        if width > WIDTH + 2.0 * self.run(direction) - self.edge {
             return None;
         }
         let fall = self.fall(&first, direction)?.min(self.fall(&last, back)?);
@@ -189,11 +192,10 @@ impl Scene<'_> {
 
     /// The next cell in a direction that is level with `brink`, or the drop before it.
     fn next(&self, brink: usize, cell: usize, direction: [i32; 2]) -> Option<Next> {
-        let height = self.height(cell);
         let find = |steps: i32| {
             let key = self.ahead(self.index.keys()[cell], direction, steps);
             let near = self.index.find(key)?;
-            if f64::from(self.surfaces[near].lowest) < height - DROP {
+            if self.is_lower(near, cell) {
                 return Some(Next::Drop(Drop { brink: cell, foot: key }));
             }
             let most = LEVEL + GRADE * self.distance(brink, key);
@@ -222,22 +224,53 @@ impl Scene<'_> {
         (is_steep && rises([-y, x]) && rises([y, -x])).then_some(fall)
     }
 
-    /// Whether a way, grown by cells beside it that are not bare, meets bare ground without a step in a few pieces.
+    /// Whether a way meets land at two ends.
     fn joins(&self, way: &[usize]) -> bool {
-        let step = LEVEL * self.edge.max(1.0);
-        let is_level = |a: usize, b: usize| (self.height(a) - self.height(b)).abs() <= step;
+        let way = self.grown(way);
+        let is_end = |piece: &Vec<usize>| piece.len() >= PIECE && self.is_land(piece, &way);
+        let mut ends: Vec<usize> = self.beside(&way).iter().filter(|piece| is_end(piece)).map(Vec::len).collect();
+        ends.sort_unstable_by_key(|&cells| Reverse(cells));
+        ends.len() <= ENDS && matches!(ends[..], [first, second, ..] if second as f64 >= ALIKE * first as f64)
+    }
+
+    /// A way with the cells beside it that are not bare.
+    fn grown(&self, way: &[usize]) -> BTreeSet<usize> {
         let mut way: BTreeSet<usize> = way.iter().copied().collect();
         for _ in 0..(APPROACH / self.edge) as usize {
-            let is_more = |near: usize, cell: usize| !self.surfaces[near].bare && is_level(near, cell);
+            let is_more = |near: usize, cell: usize| !self.surfaces[near].bare && self.is_level(near, cell);
             let more = |&cell: &usize| self.within(cell, 1).filter(move |&near| is_more(near, cell));
             let more: Vec<usize> = way.iter().flat_map(more).collect();
             way.extend(more);
         }
+        way
+    }
+
+    /// The pieces of the bare ground that a way meets without a step.
+    fn beside(&self, way: &BTreeSet<usize>) -> Vec<Vec<usize>> {
         let is_met =
-            |near: usize, cell: usize| !way.contains(&near) && self.surfaces[near].bare && is_level(near, cell);
+            |near: usize, cell: usize| !way.contains(&near) && self.surfaces[near].bare && self.is_level(near, cell);
         let met = |&cell: &usize| self.within(cell, 1).filter(move |&near| is_met(near, cell));
-        let pieces = pieces(way.iter().flat_map(met).collect(), |cell| self.within(cell, APART));
-        ENDS.contains(&pieces.into_iter().filter(|&cells| cells >= PIECE).count())
+        let is_apart = |cell: usize, near: usize| {
+            let is_wall = |wall: usize| way.contains(&wall) || self.is_lower(wall, cell);
+            self.between(cell, near).into_iter().all(|key| self.index.find(key).is_some_and(is_wall))
+        };
+        let joined = |cell: usize| self.within(cell, APART).filter(move |&near| !is_apart(cell, near));
+        pieces(way.iter().flat_map(met).collect(), joined)
+    }
+
+    /// Whether bare ground without a step goes on from cells far enough beside a way.
+    fn is_land(&self, cells: &[usize], way: &BTreeSet<usize>) -> bool {
+        let most = (LAND / self.edge.powi(2)).ceil() as usize;
+        let mut found: BTreeSet<usize> = cells.iter().copied().collect();
+        let mut open = cells.to_vec();
+        while let Some(cell) = open.pop() {
+            if found.len() >= most {
+                break;
+            }
+            let is_next = |&near: &usize| !way.contains(&near) && self.surfaces[near].bare && self.is_level(near, cell);
+            open.extend(self.within(cell, 1).filter(is_next).filter(|&near| found.insert(near)));
+        }
+        found.len() >= most
     }
 
     /// The cell next to the mean of these.
@@ -249,6 +282,23 @@ impl Scene<'_> {
             (key[0] - x).hypot(key[1] - y)
         };
         way.iter().copied().min_by(|a, b| away(a).total_cmp(&away(b)))
+    }
+
+    /// Whether cells next to each other have no step between them.
+    fn is_level(&self, a: usize, b: usize) -> bool {
+        (self.height(a) - self.height(b)).abs() <= LEVEL * self.edge.max(1.0)
+    }
+
+    /// Whether a cell has ground lower than another.
+    fn is_lower(&self, cell: usize, than: usize) -> bool {
+        f64::from(self.surfaces[cell].lowest) < self.height(than) - DROP
+    }
+
+    /// The cells in the middle between two: twice the same, one of the two, or both between.
+    fn between(&self, a: usize, b: usize) -> [[i32; 2]; 2] {
+        let [a, b] = [a, b].map(|cell| self.index.keys()[cell]);
+        let middle = |axis: usize, up: i32| (a[axis].saturating_add(b[axis]) + up).div_euclid(2);
+        [[middle(0, 0), middle(1, 1)], [middle(0, 1), middle(1, 0)]]
     }
 
     fn height(&self, cell: usize) -> f64 {
@@ -319,6 +369,7 @@ mod tests {
     }
 
     const SMALL: Ditch = Ditch { depth: 1.2, floor: 3.0, slope: 0.67 };
+    const NARROW: Ditch = Ditch { depth: 1.2, floor: 2.4, slope: 0.67 };
     const CUTTING: Ditch = Ditch { depth: 4.0, floor: 12.0, slope: 20.0 };
 
     /// A ditch with a deck of a width, turned, of a class.
@@ -343,6 +394,34 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_wide_deck_across_a_narrow_ditch_is_found_in_any_direction() {
+        for degrees in [-71.0_f64, -50.0, -33.0, -12.0, 4.0, 17.0, 29.0, 60.0, 77.0] {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            for width in [9.0, 15.0] {
+                let deck = bridged(&NARROW, width, 0.0, GROUND);
+                let turned = |x: f64, y: f64| {
+                    let [x, y] = [x - 40.0, y - 40.0];
+                    deck(40.0 + cos * x - sin * y, 40.0 + sin * x + cos * y)
+                };
+                let places = found(turned);
+                let [place] = places[..] else { panic!("{width} {degrees}: {places:?}") };
+                assert!((place.width - width).abs() < 3.0, "{width} {degrees}: {place:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_spur_that_meets_ground_along_one_side_is_none() {
+        let ground = |z: f64| Some(Spot { z, code: GROUND });
+        // 30 m wide at its foot, 8 m at its tip, with walls.
+        let spur = |x: f64, y: f64| {
+            let is_spur = (x - 40.0).abs() < 8.0 && (y - 40.0).abs() < 4.0 + 0.7 * (48.0 - x).max(0.0);
+            ground(if is_spur || x < 32.0 { 0.0 } else { -4.0 })
+        };
+        assert!(found(spur).is_empty());
     }
 
     #[test]

@@ -131,17 +131,20 @@ pub(super) fn groups<I: Iterator<Item = usize>>(
     Ok(cells.chunk_by(|&a, &b| roots[a] == roots[b]).map(<[usize]>::to_vec).collect())
 }
 
-/// The numbers of cells of the pieces that cells form, as `near` joins them.
-pub(super) fn pieces<I: Iterator<Item = usize>>(mut cells: BTreeSet<usize>, near: impl Fn(usize) -> I) -> Vec<usize> {
+/// The pieces that cells form, as `near` joins them.
+pub(super) fn pieces<I: Iterator<Item = usize>>(
+    mut cells: BTreeSet<usize>,
+    near: impl Fn(usize) -> I,
+) -> Vec<Vec<usize>> {
     let mut pieces = Vec::new();
-    while let Some(cell) = cells.pop_first() {
-        let mut open = vec![cell];
-        let mut size = 0;
-        while let Some(cell) = open.pop() {
-            size += 1;
-            open.extend(near(cell).filter(|near| cells.remove(near)));
+    while let Some(first) = cells.pop_first() {
+        let mut piece = vec![first];
+        let mut done = 0;
+        while let Some(&cell) = piece.get(done) {
+            piece.extend(near(cell).filter(|near| cells.remove(near)));
+            done += 1;
         }
-        pieces.push(size);
+        pieces.push(piece);
     }
     pieces
 }
