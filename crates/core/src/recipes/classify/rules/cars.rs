@@ -14,19 +14,23 @@ use serde::{Deserialize, Serialize};
 const DIRECTIONS: u32 = 36;
 /// Share of the points beyond each side of the rectangle.
 const BEYOND: f64 = 0.02;
+/// Cells that are no cars are grouped again by points of this much more probability, until `HIGHEST`.
+const STEP: f64 = 0.2;
+const HIGHEST: f64 = 0.91;
 
 /// Which groups of points are cars: one car, or several side by side. Only used by models that know cars.
 ///
-/// Points that are like cars are put into cells in plan; occupied cells that touch, 8 neighbours a cell, are a group.
-/// Heights are above the ground.
+/// The points that may be cars lie in cells in plan; cells that touch, 8 neighbours a cell, are a group if each holds a
+/// point of at least `probability`. What is no car may still hold one, beside a hedge for instance: its cells are grouped
+/// again by points of 0.2 more, and so on up to 0.9. Heights are above the ground.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CarParams {
     /// Points of a group, at least. 0: no cars are looked for.
     pub points: usize,
-    /// Least probability of a point of a group to be a car, 0..=1.
+    /// Least probability to be a car, 0..=1, of one point in each cell of a group, where groups are largest.
     pub probability: f64,
-    /// Least mean of these probabilities, 0..=1.
+    /// Least mean of the probabilities of all its points, 0..=1.
     pub mean_probability: f64,
     /// Least edge of a cell, metres, above 0; clouds of less than 2.25 points per cell have cells of 1.5 point spacings.
     pub cell: f64,
@@ -35,12 +39,16 @@ pub struct CarParams {
     pub length: f64,
     /// Its least width, metres.
     pub width: f64,
+    /// Least area of the cells of a group as a share of that rectangle, 0 or more: hedges around a corner have less.
+    pub fill: f64,
     /// Least and largest area of the cells of a group, square metres.
     pub area: [f64; 2],
     /// Least and largest height of the top, the 95th percentile, metres.
     pub top: [f64; 2],
     /// Least median of the heights, metres: less is a flower bed or a kerb.
     pub middle: f64,
+    /// Least 10th percentile of the heights, metres: pulses that hit bushes reach farther down.
+    pub bottom: f64,
     /// Least share of the cells around a group that hold ground, 0..=1.
     pub ground_around: f64,
     /// Largest share of them that hold other things higher than `thing`, 0..=1: cars stand free, bushes beside others.
@@ -53,16 +61,18 @@ impl Default for CarParams {
     fn default() -> Self {
         Self {
             points: 12,
-            probability: 0.7,
-            mean_probability: 0.93,
+            probability: 0.3,
+            mean_probability: 0.65,
             cell: 0.5,
             length: 2.0,
             width: 1.0,
+            fill: 0.8,
             area: [2.5, 200.0],
-            top: [1.1, 2.9],
-            middle: 0.5,
-            ground_around: 0.4,
-            things_around: 0.35,
+            top: [1.25, 2.9],
+            middle: 0.7,
+            bottom: 0.4,
+            ground_around: 0.5,
+            things_around: 0.5,
             thing: 0.3,
         }
     }
@@ -81,22 +91,26 @@ pub(super) struct Named<'a> {
     pub(super) density: f64,
 }
 
-/// What lies in a cell beside a group.
+/// What lies in a cell of a group or beside one.
 #[derive(Clone, Copy, Debug, Default)]
-struct Around {
+struct Holds {
     ground: bool,
     things: bool,
 }
 
-/// Points that are like cars, by cells, and what lies beside them.
+/// Points that may be cars by cells, of which each has one that is like a car, and what lies in and beside the cells.
 struct Groups {
     /// The points, as rows.
     rows: Vec<u32>,
     /// Places in `rows` by cell.
     cells: Cells<[i32; 2]>,
-    /// The empty cells that touch them.
-    beside: CellIndex<[i32; 2]>,
-    around: Vec<Around>,
+    /// The highest probability of each cell.
+    highest: Vec<f64>,
+    /// Whether the points of each cell are cars.
+    taken: Vec<bool>,
+    /// These cells and those that touch them.
+    around: CellIndex<[i32; 2]>,
+    holds: Vec<Holds>,
     /// Edge of a cell, metres.
     edge: f64,
 }
@@ -104,6 +118,12 @@ struct Groups {
 impl Named<'_> {
     fn at(&self, row: u32) -> usize {
         self.points.frame.index[row as usize] as usize
+    }
+
+    /// Probability of a row to be a car, 0 for what has no class of cars.
+    fn car(&self, row: u32) -> f64 {
+        let point = self.at(row);
+        if (LOW..=BUILDING).contains(&self.codes[point]) { f64::from(self.cars[point]) } else { 0.0 }
     }
 }
 
@@ -130,10 +150,14 @@ impl CarParams {
                 return Err(Error::parameter(name, format!("[{low}, {high}]"), "two ascending numbers, 0 or more"));
             }
         }
+        if !(self.fill >= 0.0 && self.fill.is_finite()) {
+            return Err(Error::parameter("classes.cars.fill", self.fill, "0 or more"));
+        }
         let lengths = [
             ("classes.cars.length", self.length),
             ("classes.cars.width", self.width),
             ("classes.cars.middle", self.middle),
+            ("classes.cars.bottom", self.bottom),
             ("classes.cars.thing", self.thing),
         ];
         for (name, value) in lengths {
@@ -147,88 +171,104 @@ impl CarParams {
         }
     }
 
-    /// The rows of cars, by group. O(n) for n points, and O(m log m) for the m that are like cars.
+    /// The rows of cars. O(n) for n points, and O(m log m) for the m in cells with a point that is like a car.
     pub(super) fn among(&self, named: &Named<'_>, monitor: &Monitor) -> Result<Vec<u32>> {
         let mut found = Vec::new();
         if self.points == 0 {
             return Ok(found);
         }
-        let groups = self.groups(named, monitor)?;
-        let roots = groups.roots(monitor)?;
-        let mut order: Vec<u32> = (0..groups.cells.len() as u32).collect();
-        order.sort_unstable_by_key(|&cell| (roots[cell as usize], cell));
-        for group in order.chunk_by(|&a, &b| roots[a as usize] == roots[b as usize]) {
-            monitor.check()?;
-            let rows: Vec<u32> = group.iter().flat_map(|&cell| groups.of(cell)).collect();
-            if self.are_free(&groups, group) && self.are_cars(named, &rows) {
-                found.extend(rows);
+        let mut groups = self.groups(named, monitor)?;
+        for least in self.levels() {
+            for group in groups.of_at_least(least, monitor)? {
+                monitor.check()?;
+                let rows: Vec<u32> = group.iter().flat_map(|&cell| groups.of(cell)).collect();
+                if self.are_free(&groups, &group)
+                    && self.are_cars(named, &rows)
+                    && self.are_full(&groups, named, &group)
+                {
+                    group.iter().for_each(|&cell| groups.taken[cell as usize] = true);
+                    found.extend(rows);
+                }
             }
         }
         Ok(found)
     }
 
-    /// The points that are like cars, and what the cells beside them hold.
+    /// The probabilities of which each cell of a group has one, ascending.
+    fn levels(&self) -> impl Iterator<Item = f64> {
+        let least = self.probability;
+        (0..).map(move |step| least + STEP * f64::from(step)).take_while(move |&level| level <= HIGHEST.max(least))
+    }
+
+    /// The points in cells with a point that is like a car, and what these cells and those beside them hold.
     fn groups(&self, named: &Named<'_>, monitor: &Monitor) -> Result<Groups> {
         let edge = cell_edge(self.cell, SPACINGS, named.density);
-        let like = |row: u32| {
-            let point = named.at(row);
-            (LOW..=BUILDING).contains(&named.codes[point]) && f64::from(named.cars[point]) >= self.probability
-        };
         let all = named.points.len();
-        let mut rows = Vec::new();
+        let mut keys: Vec<[i32; 2]> = Vec::new();
         for piece in watched(all, monitor) {
-            rows.extend(piece?.map(|row| row as u32).filter(|&row| like(row)));
+            let like = |&row: &u32| named.car(row) > 0.0 && named.car(row) >= self.probability;
+            keys.extend(piece?.map(|row| row as u32).filter(like).map(|row| plan_cell(named.points, row, edge)));
         }
-        let cells = Cells::new(rows.len(), |i| plan_cell(named.points, rows[i], edge), monitor)?;
-        let mut beside: Vec<[i32; 2]> = cells.keys.iter().flat_map(|&key| touching(key)).collect();
-        beside.sort_unstable();
-        beside.dedup();
-        beside.retain(|key| cells.keys.binary_search(key).is_err());
-        let mut groups =
-            Groups { around: vec![Around::default(); beside.len()], beside: CellIndex::new(beside), rows, cells, edge };
-        for piece in watched(if groups.rows.is_empty() { 0 } else { all }, monitor) {
+        let sorted = |mut keys: Vec<[i32; 2]>| {
+            keys.sort_unstable();
+            keys.dedup();
+            CellIndex::new(keys)
+        };
+        let own = sorted(keys);
+        let around = sorted(own.keys().iter().flat_map(|&key| block(key, 1)).collect());
+        let (mut rows, mut holds) = (Vec::new(), vec![Holds::default(); around.keys().len()]);
+        for piece in watched(if holds.is_empty() { 0 } else { all }, monitor) {
             for row in piece?.map(|row| row as u32) {
-                let Some(cell) = groups.beside.find(plan_cell(named.points, row, edge)) else { continue };
-                let around = &mut groups.around[cell];
-                around.ground |= named.codes[named.at(row)] == GROUND;
-                around.things |= f64::from(named.heights[row as usize]) > self.thing;
+                let key = plan_cell(named.points, row, edge);
+                let Some(cell) = around.find(key) else { continue };
+                holds[cell].ground |= named.codes[named.at(row)] == GROUND;
+                holds[cell].things |= f64::from(named.heights[row as usize]) > self.thing;
+                if named.car(row) > 0.0 && own.find(key).is_some() {
+                    rows.push(row);
+                }
             }
         }
-        Ok(groups)
+        let cells = Cells::new(rows.len(), |i| plan_cell(named.points, rows[i], edge), monitor)?;
+        let most = |cell| cells.of(cell).iter().map(|&place| named.car(rows[place as usize])).fold(0.0, f64::max);
+        let highest = (0..cells.len()).map(most).collect();
+        Ok(Groups { taken: vec![false; cells.len()], highest, around, holds, rows, cells, edge })
     }
 
     /// Whether a group of cells has the area of cars, ground around it, and few other things.
     fn are_free(&self, groups: &Groups, group: &[u32]) -> bool {
-        let area = group.len() as f64 * groups.edge * groups.edge;
-        let mut beside: Vec<usize> = group
-            .iter()
-            .flat_map(|&cell| touching(groups.cells.keys[cell as usize]))
-            .filter_map(|key| groups.beside.find(key))
-            .collect();
+        let own: Vec<[i32; 2]> = group.iter().map(|&cell| groups.cells.keys[cell as usize]).collect();
+        let mut beside: Vec<[i32; 2]> = own.iter().flat_map(|&key| block(key, 1)).collect();
         beside.sort_unstable();
         beside.dedup();
-        let share = |is: fn(&Around) -> bool| {
-            let count = beside.iter().filter(|&&cell| is(&groups.around[cell])).count();
-            count as f64 / beside.len().max(1) as f64
+        beside.retain(|key| own.binary_search(key).is_err());
+        let share = |is: fn(&Holds) -> bool| {
+            let count =
+                beside.iter().filter_map(|&key| groups.around.find(key)).filter(|&cell| is(&groups.holds[cell]));
+            count.count() as f64 / beside.len().max(1) as f64
         };
-        within(area, self.area)
-            && share(|around| around.ground) >= self.ground_around
-            && share(|around| around.things) <= self.things_around
+        within(groups.area(group), self.area)
+            && share(|cell| cell.ground) >= self.ground_around
+            && share(|cell| cell.things) <= self.things_around
     }
 
-    /// Whether points are enough, certain enough, and as high, long and wide as cars.
+    /// Whether points are enough, certain enough, and as high as cars.
     fn are_cars(&self, named: &Named<'_>, rows: &[u32]) -> bool {
-        let probability = rows.iter().map(|&row| f64::from(named.cars[named.at(row)])).sum::<f64>();
+        let probability = rows.iter().map(|&row| named.car(row)).sum::<f64>();
         if rows.len() < self.points || probability < self.mean_probability * rows.len() as f64 {
             return false;
         }
         let mut heights: Vec<f64> = rows.iter().map(|&row| f64::from(named.heights[row as usize])).collect();
-        if !within(quantile(&mut heights, 0.95), self.top) || quantile(&mut heights, 0.5) < self.middle {
-            return false;
-        }
-        let plan = rows.iter().map(|&row| named.points.positions.xyz(row as usize));
+        within(quantile(&mut heights, 0.95), self.top)
+            && quantile(&mut heights, 0.5) >= self.middle
+            && quantile(&mut heights, 0.1) >= self.bottom
+    }
+
+    /// Whether points in cells are as long and wide as cars, and the cells fill the rectangle around them.
+    fn are_full(&self, groups: &Groups, named: &Named<'_>, group: &[u32]) -> bool {
+        let rows = group.iter().flat_map(|&cell| groups.of(cell));
+        let plan = rows.map(|row| named.points.positions.xyz(row as usize));
         let [length, width] = smallest_rectangle(&plan.map(|[x, y, _]| [x, y].map(f64::from)).collect::<Vec<_>>());
-        length >= self.length && width >= self.width
+        length >= self.length && width >= self.width && groups.area(group) >= self.fill * length * width
     }
 }
 
@@ -238,22 +278,29 @@ impl Groups {
         self.cells.of(cell as usize).iter().map(|&place| self.rows[place as usize])
     }
 
-    /// A number for each cell, the same for cells of a group.
-    fn roots(&self, monitor: &Monitor) -> Result<Vec<u32>> {
-        let mut joined = UnionFind::new(self.cells.len());
-        if self.cells.len() > 0 {
-            let mut walk = Walk::<1>::new(&self.cells.keys, 0);
-            for cell in 0..self.cells.len() {
-                walk.around(cell, |near, _| _ = joined.unite(cell as u32, near as u32));
+    /// Square metres of the cells of a group.
+    fn area(&self, group: &[u32]) -> f64 {
+        group.len() as f64 * self.edge * self.edge
+    }
+
+    /// The groups of cells that are not taken and have a point of at least this probability; the cells of each ascend.
+    fn of_at_least(&self, least: f64, monitor: &Monitor) -> Result<Vec<Vec<u32>>> {
+        let open = |&cell: &u32| !self.taken[cell as usize] && self.highest[cell as usize] >= least;
+        let open: Vec<u32> = (0..self.cells.len() as u32).filter(open).collect();
+        let keys: Vec<[i32; 2]> = open.iter().map(|&cell| self.cells.keys[cell as usize]).collect();
+        let mut joined = UnionFind::new(open.len());
+        if !open.is_empty() {
+            let mut walk = Walk::<1>::new(&keys, 0);
+            for place in 0..open.len() {
+                walk.around(place, |near, _| _ = joined.unite(place as u32, near as u32));
             }
         }
-        joined.roots(monitor)
+        let roots = joined.roots(monitor)?;
+        let mut order: Vec<u32> = (0..open.len() as u32).collect();
+        order.sort_unstable_by_key(|&place| (roots[place as usize], place));
+        let groups = order.chunk_by(|&a, &b| roots[a as usize] == roots[b as usize]);
+        Ok(groups.map(|group| group.iter().map(|&place| open[place as usize]).collect()).collect())
     }
-}
-
-/// The 8 cells around a cell.
-fn touching(own: [i32; 2]) -> impl Iterator<Item = [i32; 2]> {
-    block(own, 1).filter(move |&key| key != own)
 }
 
 fn within(value: f64, [low, high]: [f64; 2]) -> bool {
@@ -297,7 +344,8 @@ mod tests {
         at: [f64; 2],
         /// Length, width, height.
         size: [f64; 3],
-        like_car: bool,
+        /// To be a car.
+        probability: f32,
     }
 
     impl Block {
@@ -308,11 +356,11 @@ mod tests {
     }
 
     fn car(at: [f64; 2], size: [f64; 3]) -> Block {
-        Block { at, size, like_car: true }
+        Block { at, size, probability: 0.95 }
     }
 
     fn thing(at: [f64; 2], size: [f64; 3]) -> Block {
-        Block { at, size, like_car: false }
+        Block { at, size, probability: 0.1 }
     }
 
     fn scene(blocks: &[Block]) -> Scene {
@@ -320,13 +368,13 @@ mod tests {
         let mut scene = Scene { points: Points::default(), codes: Vec::new(), cars: Vec::new(), heights: Vec::new() };
         for i in 0..160 * 160 {
             let [x, y] = [f64::from(i % 160), f64::from(i / 160)].map(|v| 0.25 * v + 0.1);
-            let (height, like, code) = match blocks.iter().find(|block| block.holds([x, y])) {
-                Some(block) => (block.size[2], block.like_car, 5),
-                None => (0.0, false, 2),
+            let (height, probability, code) = match blocks.iter().find(|block| block.holds([x, y])) {
+                Some(block) => (block.size[2], block.probability, 5),
+                None => (0.0, 0.1, 2),
             };
             rows.push([x, y, height]);
             scene.codes.push(code);
-            scene.cars.push(if like { 0.95 } else { 0.1 });
+            scene.cars.push(probability);
             scene.heights.push(height as f32);
         }
         scene.points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
@@ -364,6 +412,12 @@ mod tests {
         // Hedges of the same height on both sides.
         let hedges = [thing([4.5, 4.0], [5.5, 1.0, 1.5]), thing([4.5, 6.8], [5.5, 1.0, 1.5])];
         assert_eq!(found(&[car([5.0, 5.0], size), hedges[0], hedges[1]]), [0.0; 3]);
+        // A hedge beside it that is a little like a car: the car alone is one.
+        let beside = Block { probability: 0.35, ..thing([4.5, 7.1], [5.5, 2.0, 1.5]) };
+        assert_eq!(found(&[car([5.0, 5.0], size), beside]), [1.0, 0.0]);
+        // An angle of hedges does not fill its rectangle.
+        let angle = [car([5.0, 5.0], [8.0, 1.0, 1.5]), car([5.0, 6.0], [1.0, 8.0, 1.5])];
+        assert_eq!(found(&angle), [0.0; 2]);
         // A wall on one side does no harm.
         assert_eq!(found(&[car([5.0, 5.0], size), thing([4.0, 6.8], [8.0, 0.3, 2.0])])[0], 1.0);
     }
