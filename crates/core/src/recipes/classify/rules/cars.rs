@@ -14,7 +14,8 @@ use serde::{Deserialize, Serialize};
 const DIRECTIONS: u32 = 36;
 /// Share of the points beyond each side of the rectangle.
 const BEYOND: f64 = 0.02;
-/// Cells that are no cars are grouped again by points of this much more probability, until `HIGHEST`.
+/// Cells that are no cars are grouped again by points of this much more probability, until `HIGHEST`: 0.9,
+/// with room for the rounding of sums.
 const STEP: f64 = 0.2;
 const HIGHEST: f64 = 0.91;
 
@@ -184,7 +185,7 @@ impl CarParams {
                 let rows: Vec<u32> = group.iter().flat_map(|&cell| groups.of(cell)).collect();
                 if self.are_free(&groups, &group)
                     && self.are_cars(named, &rows)
-                    && self.are_full(&groups, named, &group)
+                    && self.are_full(named, &rows, groups.area(&group))
                 {
                     group.iter().for_each(|&cell| groups.taken[cell as usize] = true);
                     found.extend(rows);
@@ -263,12 +264,11 @@ impl CarParams {
             && quantile(&mut heights, 0.1) >= self.bottom
     }
 
-    /// Whether points in cells are as long and wide as cars, and the cells fill the rectangle around them.
-    fn are_full(&self, groups: &Groups, named: &Named<'_>, group: &[u32]) -> bool {
-        let rows = group.iter().flat_map(|&cell| groups.of(cell));
-        let plan = rows.map(|row| named.points.positions.xyz(row as usize));
+    /// Whether points are as long and wide as cars, and their cells, of this area, fill the rectangle around them.
+    fn are_full(&self, named: &Named<'_>, rows: &[u32], area: f64) -> bool {
+        let plan = rows.iter().map(|&row| named.points.positions.xyz(row as usize));
         let [length, width] = smallest_rectangle(&plan.map(|[x, y, _]| [x, y].map(f64::from)).collect::<Vec<_>>());
-        length >= self.length && width >= self.width && groups.area(group) >= self.fill * length * width
+        length >= self.length && width >= self.width && area >= self.fill * length * width
     }
 }
 
