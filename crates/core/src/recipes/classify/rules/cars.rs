@@ -18,6 +18,9 @@ const BEYOND: f64 = 0.02;
 /// with room for the rounding of sums.
 const STEP: f64 = 0.2;
 const HIGHEST: f64 = 0.91;
+/// A group of at least this mean probability needs only this share of `fill`: cars that stand at an angle in a row.
+const CERTAIN: f64 = 0.8;
+const CERTAIN_FILL: f64 = 0.875;
 
 /// Which groups of points are cars: one car, or several side by side. Only used by models that know cars.
 ///
@@ -41,6 +44,7 @@ pub struct CarParams {
     /// Its least width, metres.
     pub width: f64,
     /// Least area of the cells of a group as a share of that rectangle, 0 or more: hedges around a corner have less.
+    /// Seven eighths of it are enough if the mean of the probabilities is 0.8 or more.
     pub fill: f64,
     /// Least and largest area of the cells of a group, square metres.
     pub area: [f64; 2],
@@ -125,6 +129,11 @@ impl Named<'_> {
     fn car(&self, row: u32) -> f64 {
         let point = self.at(row);
         if (LOW..=BUILDING).contains(&self.codes[point]) { f64::from(self.cars[point]) } else { 0.0 }
+    }
+
+    /// Mean of the probabilities of rows to be a car.
+    fn mean(&self, rows: &[u32]) -> f64 {
+        rows.iter().map(|&row| self.car(row)).sum::<f64>() / rows.len() as f64
     }
 }
 
@@ -254,8 +263,7 @@ impl CarParams {
 
     /// Whether points are enough, certain enough, and as high as cars.
     fn are_cars(&self, named: &Named<'_>, rows: &[u32]) -> bool {
-        let probability = rows.iter().map(|&row| named.car(row)).sum::<f64>();
-        if rows.len() < self.points || probability < self.mean_probability * rows.len() as f64 {
+        if rows.len() < self.points || named.mean(rows) < self.mean_probability {
             return false;
         }
         let mut heights: Vec<f64> = rows.iter().map(|&row| f64::from(named.heights[row as usize])).collect();
@@ -268,7 +276,8 @@ impl CarParams {
     fn are_full(&self, named: &Named<'_>, rows: &[u32], area: f64) -> bool {
         let plan = rows.iter().map(|&row| named.points.positions.xyz(row as usize));
         let [length, width] = smallest_rectangle(&plan.map(|[x, y, _]| [x, y].map(f64::from)).collect::<Vec<_>>());
-        length >= self.length && width >= self.width && area >= self.fill * length * width
+        let fill = if named.mean(rows) >= CERTAIN { CERTAIN_FILL * self.fill } else { self.fill };
+        length >= self.length && width >= self.width && area >= fill * length * width
     }
 }
 
@@ -415,6 +424,14 @@ mod tests {
         // A hedge beside it that is a little like a car: the car alone is one.
         let beside = Block { probability: 0.35, ..thing([4.5, 7.1], [5.5, 2.0, 1.5]) };
         assert_eq!(found(&[car([5.0, 5.0], size), beside]), [1.0, 0.0]);
+        // Four at an angle in a row fill three quarters of their rectangle, enough if they are surely cars.
+        let slanted = |probability| {
+            let each =
+                |i: i32| Block { probability, ..car([10.0 + 4.0 * f64::from(i), 10.0 + 2.0 * f64::from(i)], size) };
+            (0..4).map(each).collect::<Vec<_>>()
+        };
+        assert_eq!(found(&slanted(0.95)), [1.0; 4]);
+        assert_eq!(found(&slanted(0.75)), [0.0; 4]);
         // An angle of hedges does not fill its rectangle.
         let angle = [car([5.0, 5.0], [8.0, 1.0, 1.5]), car([5.0, 6.0], [1.0, 8.0, 1.5])];
         assert_eq!(found(&angle), [0.0; 2]);
