@@ -8,8 +8,9 @@ pub(super) mod tiles;
 use super::columns::{Columns, TableRows};
 use super::params::{FeatureSet, Place};
 use super::profile::Profiles;
-use super::pyramid::region::{Region, Sorted};
+use super::pyramid::region::Region;
 use super::pyramid::slots::Slots;
+use super::pyramid::sorted::Sorted;
 use super::pyramid::{Job, Part, Stage};
 use crate::cloud::{MetricCloud, Points, Positions};
 use crate::error::{Error, Result, nearest_names};
@@ -161,7 +162,7 @@ impl<'a> Planned<'a> {
         monitor.stage("pyramid", points.len() as u64);
         let grid = Grid::new(&points, first_scale)?;
         let points = sorted(points, &grid, monitor)?;
-        Ok(Self { plan, sorted: Sorted { points, grid } })
+        Ok(Self { plan, sorted: Sorted::new(points, grid, monitor)? })
     }
 }
 
@@ -188,7 +189,7 @@ impl<'a> Extractor<'a> {
     /// If a parameter is out of range, a feature name is unknown, the cloud lacks a required column, or voxels are too
     /// small for the extent.
     pub fn prepare(scene: &MetricCloud<'a>, set: &FeatureSet, wanted: Wanted<'_>, monitor: &Monitor) -> Result<Self> {
-        let Planned { plan, sorted: Sorted { points, grid } } = Planned::new(scene, set, wanted, monitor)?;
+        let Planned { plan, sorted: Sorted { points, grid, .. } } = Planned::new(scene, set, wanted, monitor)?;
         let levels = build_levels(&points.positions, &grid, plan.levels(), monitor)?;
         let stages = plan.stages(0, levels, None, monitor)?;
         let profiles = plan.profiles(&points.positions, monitor)?;

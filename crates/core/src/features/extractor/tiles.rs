@@ -10,9 +10,9 @@ use crate::cloud::{MetricCloud, Points, Positions};
 use crate::error::Result;
 use crate::features::params::FeatureSet;
 use crate::features::profile::Profiles;
-use crate::features::pyramid::region::{Margin, Region, Sorted};
-use crate::parallel::{Monitor, map_ordered};
-use crate::voxels::cells::index::block_of;
+use crate::features::pyramid::region::{Margin, Region};
+use crate::features::pyramid::sorted::Sorted;
+use crate::parallel::Monitor;
 use crate::voxels::{LevelLimits, build_levels, coarse_levels};
 use std::ops::Range;
 use std::sync::Arc;
@@ -26,11 +26,9 @@ const PART_OF_PROFILES: usize = 1 << 19;
 /// Levels with more than one in this many of the points are held in parts.
 const COARSE_SHARE: usize = 8;
 
-/// Width of the margin in voxels of the coarsest fine level, unless columns need more.
-const MARGIN: u32 = 32;
-
-/// Points that share a box; they are near each other, as they are sorted.
-const BOXED: usize = 1024;
+/// Width of the margin in voxels of the coarsest fine level, unless columns need more. Every voxel of the margin costs time,
+/// and so do points that need more.
+const MARGIN: u32 = 8;
 
 /// A cloud's sorted points and coarse levels.
 pub struct Tiles<'a> {
@@ -39,8 +37,6 @@ pub struct Tiles<'a> {
     fine: usize,
     coarse: Vec<Arc<crate::features::pyramid::Stage>>,
     parts: Vec<Range<usize>>,
-    /// Of each [`BOXED`] points, the box in plan.
-    boxes: Vec<PlanBox>,
 }
 
 impl<'a> Tiles<'a> {
@@ -81,11 +77,7 @@ impl<'a> Tiles<'a> {
         let coarse = plan.stages(fine, levels, None, monitor)?;
         let mut parts = Vec::new();
         Octants { sorted: &sorted, most }.divide(0..count, 63, &mut parts);
-        let boxes = map_ordered(count.div_ceil(BOXED), monitor, |b| {
-            let range = block_of(b, BOXED, count);
-            Ok(PlanBox::of(&sorted.points.positions.x[range.clone()], &sorted.points.positions.y[range]))
-        })?;
-        Ok(Self { plan, sorted, fine, coarse, parts, boxes })
+        Ok(Self { plan, sorted, fine, coarse, parts })
     }
 
     /// Total number of points.
@@ -121,7 +113,7 @@ impl<'a> Tiles<'a> {
     /// The point in the middle of each voxel, in the sorted order. The voxels are those of the level of the pyramid whose
     /// edge, metres, is the nearest. O(n) time, 8 bytes a voxel.
     pub(crate) fn middles(&self, edge: f64) -> Vec<Middle> {
-        let Sorted { points, grid } = &self.sorted;
+        let Sorted { points, grid, .. } = &self.sorted;
         let level = (edge / grid.size).log2().round().clamp(0.0, 20.0) as u32;
         let mut middles = Vec::new();
         let code = |i: usize| grid.code(points.positions.xyz(i)) >> (3 * level);
@@ -172,17 +164,7 @@ impl<'a> Tiles<'a> {
     /// # Errors
     /// If the work was cancelled.
     pub(crate) fn around(&self, box_of: &Positions, reach: f64, monitor: &Monitor) -> Result<Points> {
-        let all = &self.sorted.points;
-        let wanted = PlanBox::of(&box_of.x, &box_of.y).wider(reach as f32);
-        let mut near: Vec<u32> = Vec::new();
-        for (b, points) in self.boxes.iter().enumerate() {
-            monitor.check()?;
-            if points.meets(&wanted) {
-                let inside = |&i: &usize| wanted.holds(all.positions.x[i], all.positions.y[i]);
-                near.extend(block_of(b, BOXED, all.len()).filter(inside).map(|i| i as u32));
-            }
-        }
-        all.select(&near, monitor)
+        self.sorted.around(box_of, reach, monitor)
     }
 
     /// The profiles around the points at these places.
@@ -214,37 +196,6 @@ impl<'a> Tiles<'a> {
         stages.extend(self.coarse.iter().cloned());
         let queries = self.sorted.points.select(places, monitor)?;
         Ok(Extractor { plan: self.plan.clone(), stages, profiles: Arc::default(), queries, part: 0 })
-    }
-}
-
-/// A rectangle in plan, its border included.
-#[derive(Clone, Copy, Debug)]
-struct PlanBox {
-    /// Least x and y.
-    low: [f32; 2],
-    /// Greatest x and y.
-    high: [f32; 2],
-}
-
-impl PlanBox {
-    /// The box of points.
-    fn of(x: &[f32], y: &[f32]) -> Self {
-        let least = |axis: &[f32]| axis.iter().copied().fold(f32::MAX, f32::min);
-        let greatest = |axis: &[f32]| axis.iter().copied().fold(f32::MIN, f32::max);
-        Self { low: [least(x), least(y)], high: [greatest(x), greatest(y)] }
-    }
-
-    fn wider(self, by: f32) -> Self {
-        Self { low: self.low.map(|v| v - by), high: self.high.map(|v| v + by) }
-    }
-
-    fn meets(&self, other: &Self) -> bool {
-        (0..2).all(|a| self.low[a] <= other.high[a] && self.high[a] >= other.low[a])
-    }
-
-    fn holds(&self, x: f32, y: f32) -> bool {
-        let Self { low, high } = self;
-        x >= low[0] && x <= high[0] && y >= low[1] && y <= high[1]
     }
 }
 
@@ -291,7 +242,7 @@ impl Octants<'_> {
             parts.push(range);
             return;
         }
-        let Sorted { points, grid } = self.sorted;
+        let Sorted { points, grid, .. } = self.sorted;
         let octant = |i: usize| grid.code(points.positions.xyz(i)) >> (bits - 3) & 7;
         let mut first = range.start;
         for o in 0..8 {

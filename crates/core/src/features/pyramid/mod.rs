@@ -3,6 +3,7 @@
 mod contour;
 pub(super) mod region;
 pub(super) mod slots;
+pub(super) mod sorted;
 mod surfaces;
 
 use super::definition::{Feature, Group};

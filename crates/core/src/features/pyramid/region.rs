@@ -1,16 +1,8 @@
 //! The loaded part of a cloud: whole vertical columns of voxels.
 
-use crate::cloud::Points;
+use super::sorted::{PlanBox, Sorted};
 use crate::error::Result;
-use crate::parallel::{Looks, Monitor, watched};
-use crate::voxels::Grid;
-
-/// A cloud's finite and non-stray points in the Morton order of a grid.
-#[derive(Clone, Debug)]
-pub(in crate::features) struct Sorted {
-    pub(in crate::features) points: Points,
-    pub(in crate::features) grid: Grid,
-}
+use crate::parallel::{Looks, Monitor};
 
 /// A box of voxels of some level, unlimited in height; where it reaches the border of the cloud, it is unlimited too.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,7 +25,7 @@ pub(in crate::features) struct Margin {
 impl Region {
     /// The voxels around the points at `places` in the sorted order, extended by the margin on each side and to all
     /// heights, and the places of all points in them. `None` instead of the box if it holds all points.
-    /// O(points).
+    /// O(places + points inside).
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -43,39 +35,30 @@ impl Region {
         margin: Margin,
         monitor: &Monitor,
     ) -> Result<(Option<Self>, Vec<u32>)> {
-        let Sorted { points, grid } = sorted;
+        let Sorted { points, grid, cells, .. } = sorted;
         let Margin { level, voxels: margin } = margin;
-        let cell = |i: usize| grid.cell(points.positions.xyz(i)).map(|c| c >> level);
-        let bounds = |all: &mut dyn Iterator<Item = usize>| {
-            let mut looks = Looks::at(monitor);
-            all.map(cell).try_fold(([u32::MAX; 3], [0; 3]), |(low, high), c| {
-                looks.step()?;
-                Ok(([0, 1, 2].map(|a| low[a].min(c[a])), [0, 1, 2].map(|a| high[a].max(c[a]))))
-            })
-        };
-        let (first, last) = bounds(&mut (0..points.len()))?;
-        let (low, high) = bounds(&mut places.iter().map(|&i| i as usize))?;
-        // All heights, for the column features.
-        let low = [low[0].saturating_sub(margin), low[1].saturating_sub(margin), 0];
-        let high = [high[0].saturating_add(margin), high[1].saturating_add(margin), u32::MAX];
-        let inside = |i: &u32| {
-            let c = cell(*i as usize);
-            (0..3).all(|a| (low[a]..=high[a]).contains(&c[a]))
-        };
-        let mut held: Vec<u32> = Vec::new();
-        for piece in watched(points.len(), monitor) {
-            held.extend(piece?.map(|i| i as u32).filter(inside));
+        let axis = |v: f32| grid.cell([v; 3])[0] >> level;
+        let (mut low, mut high) = ([u32::MAX; 2], [0; 2]);
+        let mut looks = Looks::at(monitor);
+        for &place in places {
+            looks.step()?;
+            let [x, y, _] = points.positions.xyz(place as usize);
+            let cell = [axis(x), axis(y)];
+            (low, high) = ([0, 1].map(|a| low[a].min(cell[a])), [0, 1].map(|a| high[a].max(cell[a])));
         }
+        let (low, high) = (low.map(|c| c.saturating_sub(margin)), high.map(|c| c.saturating_add(margin)));
+        let held = sorted.places(&PlanBox { low, high }, axis, monitor)?;
         if held.len() == points.len() {
             return Ok((None, held));
         }
         let size = grid.size * f64::from(1u32 << level);
+        let [first, last] = cells.map(|corner| corner.map(|c| c >> level));
         let start = |a: usize| if low[a] <= first[a] { f64::NEG_INFINITY } else { f64::from(low[a]) * size };
         let end = |a: usize| if high[a] >= last[a] { f64::INFINITY } else { (f64::from(high[a]) + 1.0) * size };
         let far = f64::from(last.into_iter().max().unwrap_or_default()) * size + size;
-        let region =
-            Self { low: [0, 1, 2].map(start), high: [0, 1, 2].map(end), rounding: far * f64::from(f32::EPSILON) };
-        Ok((Some(region), held))
+        // All heights, for the column features.
+        let (low, high) = ([start(0), start(1), f64::NEG_INFINITY], [end(0), end(1), f64::INFINITY]);
+        Ok((Some(Self { low, high, rounding: far * f64::from(f32::EPSILON) }), held))
     }
 
     /// True if nothing outside the box can be as near to `at` as this squared distance. With `all` false, neighbours
