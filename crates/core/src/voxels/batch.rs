@@ -1,7 +1,9 @@
 //! The k nearest points of a level for 16 queries at once: one SIMD lane a query, all with the same candidates.
 //!
 //! Consecutive queries in Morton order lie in a few cells. The points of these cells and of the ring of cells around
-//! them are the candidates; each is inserted into the sorted list of every lane, without a branch.
+//! them are the candidates; each is inserted into the sorted list of every lane, without a branch. The lists hold one
+//! number a candidate, its key: the first bits of the squared distance, then its place among the candidates. Only if two keys
+//! differ in their places alone, distances and indices are compared in full.
 
 use super::candidates::Candidates;
 use super::level::Level;
@@ -17,6 +19,8 @@ const SPAN: u32 = 4;
 const CELLS: u32 = 216;
 /// Batches of fewer queries are searched one by one.
 const FEW: usize = 2;
+/// Largest number of bits of a key that are the place of a candidate: 13 or more of the fraction of the distance are left.
+const PLACE_BITS: u32 = 10;
 
 /// One number per query.
 type Lane<T> = [T; LANES];
@@ -113,16 +117,16 @@ impl Search {
             if lanes.is_empty() {
                 continue;
             }
-            let (best, index) = nearest_lanes::<S, K>(simd, &self.candidates, [x, y, z]);
-            let mut farthest = [0.0; LANES];
-            S::as_mut_simd_f32s(&mut farthest).0[0] = best[K - 1];
-            let mut rows = [[0; LANES]; K];
-            (0..K).for_each(|j| S::as_mut_simd_u32s(&mut rows[j]).0[0] = index[j]);
+            let wanted = lanes.start - start..lanes.end - start;
+            let found = match nearest_by_keys::<S, K>(simd, &self.candidates, [x, y, z], wanted) {
+                Some(found) => found,
+                None => nearest_lanes::<S, K>(simd, &self.candidates, [x, y, z]),
+            };
             for l in lanes {
                 let query = Query { at: run.queries.place(l), lane: l };
                 let radius = rim(level, run.cells, query.at).max(0.0);
-                if whole || farthest[l - start] <= radius * radius {
-                    (0..K).for_each(|j| out[j][l] = rows[j][l - start]);
+                if whole || found.farthest[l - start] <= radius * radius {
+                    (0..K).for_each(|j| out[j][l] = found.rows[j][l - start]);
                 } else {
                     self.widen_lane(level, query, out);
                 }
@@ -165,26 +169,95 @@ fn run<'a>(level: &Level, queries: Queries<'a>, first: usize) -> Run<'a> {
     Run { queries, lanes: first..queries.lanes, cells: [low, high] }
 }
 
-/// The K nearest candidates of every lane, ascending by (distance, index): candidates come in ascending order of the
-/// index, and only a smaller distance is inserted before another.
+/// The nearest candidates of every lane.
+struct Nearest<const K: usize> {
+    /// Their indices, nearest first.
+    rows: [Lane<u32>; K],
+    /// A squared distance that none of them exceeds.
+    farthest: Lane<f32>,
+}
+
+/// The squared distance of a position from each lane. (Closures are not always inlined, and would be calls then.)
 #[inline(always)]
-fn nearest_lanes<S: Simd, const K: usize>(
+fn apart<S: Simd>(simd: S, place: [f32; 3], at: [S::f32s; 3]) -> S::f32s {
+    let x = simd.sub_f32s(simd.splat_f32s(place[0]), at[0]);
+    let y = simd.sub_f32s(simd.splat_f32s(place[1]), at[1]);
+    let z = simd.sub_f32s(simd.splat_f32s(place[2]), at[2]);
+    let (x, y, z) = (simd.mul_f32s(x, x), simd.mul_f32s(y, y), simd.mul_f32s(z, z));
+    simd.add_f32s(simd.add_f32s(x, y), z)
+}
+
+/// Whether no lane is set, if that is fast to tell: masks of one bit per lane are, wide masks are not.
+#[inline(always)]
+fn none<S: Simd>(simd: S, mask: S::m32s) -> bool {
+    let is_fast = const { size_of::<S::m32s>() < size_of::<S::u32s>() };
+    is_fast && simd.first_true_m32s(mask) == S::F32_LANES
+}
+
+/// The K nearest candidates of every lane, ascending by distance; `None` if keys cannot tell which of two is nearer in one of
+/// the `wanted` lanes.
+#[inline(always)]
+fn nearest_by_keys<S: Simd, const K: usize>(
     simd: S,
     candidates: &Candidates,
     at: [S::f32s; 3],
-) -> ([S::f32s; K], [S::u32s; K]) {
+    wanted: Range<usize>,
+) -> Option<Nearest<K>> {
+    let count = candidates.index.len();
+    let bits = usize::BITS - count.leading_zeros();
+    if count < K || bits > PLACE_BITS {
+        return None;
+    }
+    let places = (1u32 << bits) - 1;
+    let distances = simd.splat_u32s(!places);
+    // One more than the K: the next one tells whether the last of them is certain.
+    let (mut keys, mut next) = ([simd.splat_u32s(u32::MAX); K], simd.splat_u32s(u32::MAX));
+    let positions = candidates.x.iter().zip(&candidates.y).zip(&candidates.z);
+    for (i, ((&x, &y), &z)) in (0u32..).zip(positions) {
+        let distance = simd.transmute_u32s_f32s(apart(simd, [x, y, z], at));
+        let key = simd.or_u32s(simd.and_u32s(distance, distances), simd.splat_u32s(i));
+        if none(simd, simd.less_than_u32s(key, next)) {
+            continue;
+        }
+        next = simd.min_u32s(next, simd.max_u32s(keys[K - 1], key));
+        for s in (1..K).rev() {
+            keys[s] = simd.min_u32s(keys[s], simd.max_u32s(keys[s - 1], key));
+        }
+        keys[0] = simd.min_u32s(keys[0], key);
+    }
+    let mut least = simd.xor_u32s(keys[K - 1], next);
+    for s in 1..K {
+        least = simd.min_u32s(least, simd.xor_u32s(keys[s - 1], keys[s]));
+    }
+    let mut differ = [0; LANES];
+    S::as_mut_simd_u32s(&mut differ).0[0] = least;
+    if differ[wanted].iter().any(|&bits| bits <= places) {
+        return None;
+    }
+    let mut found = Nearest { rows: [[0; LANES]; K], farthest: [0.0; LANES] };
+    let farthest = simd.transmute_f32s_u32s(simd.or_u32s(keys[K - 1], simd.splat_u32s(places)));
+    S::as_mut_simd_f32s(&mut found.farthest).0[0] = farthest;
+    for (row, key) in found.rows.iter_mut().zip(keys) {
+        S::as_mut_simd_u32s(row).0[0] = key;
+        // Lanes that are not wanted may hold anything.
+        row[..S::F32_LANES]
+            .iter_mut()
+            .for_each(|key| *key = candidates.index[((*key & places) as usize).min(count - 1)]);
+    }
+    Some(found)
+}
+
+/// The K nearest candidates of every lane, ascending by (distance, index): candidates come in ascending order of the
+/// index, and only a smaller distance is inserted before another.
+#[inline(always)]
+fn nearest_lanes<S: Simd, const K: usize>(simd: S, candidates: &Candidates, at: [S::f32s; 3]) -> Nearest<K> {
     let mut best = [simd.splat_f32s(f32::INFINITY); K];
     let mut index = [simd.splat_u32s(u32::MAX); K];
     let places = candidates.x.iter().zip(&candidates.y).zip(&candidates.z).zip(&candidates.index);
     for (((&x, &y), &z), &i) in places {
-        let [x, y, z] = [(x, at[0]), (y, at[1]), (z, at[2])].map(|(v, at)| {
-            let apart = simd.sub_f32s(simd.splat_f32s(v), at);
-            simd.mul_f32s(apart, apart)
-        });
-        let d = simd.add_f32s(simd.add_f32s(x, y), z);
+        let d = apart(simd, [x, y, z], at);
         let mut here = simd.less_than_f32s(d, best[K - 1]);
-        // Testing masks of one bit per lane is fast; testing wide masks is not.
-        if const { size_of::<S::m32s>() < size_of::<S::u32s>() } && simd.first_true_m32s(here) == S::F32_LANES {
+        if none(simd, here) {
             continue;
         }
         let i = simd.splat_u32s(i);
@@ -197,7 +270,10 @@ fn nearest_lanes<S: Simd, const K: usize>(
         index[0] = simd.select_u32s(here, i, index[0]);
         best[0] = simd.min_f32s(best[0], d);
     }
-    (best, index)
+    let mut found = Nearest { rows: [[0; LANES]; K], farthest: [0.0; LANES] };
+    S::as_mut_simd_f32s(&mut found.farthest).0[0] = best[K - 1];
+    found.rows.iter_mut().zip(index).for_each(|(row, index)| S::as_mut_simd_u32s(row).0[0] = index);
+    found
 }
 
 #[cfg(test)]
