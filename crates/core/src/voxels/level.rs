@@ -51,65 +51,117 @@ impl Level {
     }
 }
 
-/// Number of points between two checks for cancellation.
+/// Number of voxels between two checks for cancellation.
 const LOOK: usize = 65_536;
 
-/// Codes and counts of a level's voxels, during the construction.
+/// A voxel and the mean of its points.
+#[derive(Clone, Copy)]
+struct Voxel {
+    code: u64,
+    mean: [f32; 3],
+    points: u32,
+}
+
+impl Voxel {
+    /// The same as a part of the voxel of twice the edge.
+    fn coarser(self) -> Self {
+        Self { code: self.code >> 3, ..self }
+    }
+}
+
+/// Unites consecutive parts with the same code to voxels.
+struct United<I> {
+    parts: I,
+    /// The first part of the next voxel.
+    next: Option<Voxel>,
+}
+
+impl<I: Iterator<Item = Voxel>> United<I> {
+    fn new(mut parts: I) -> Self {
+        Self { next: parts.next(), parts }
+    }
+}
+
+impl<I: Iterator<Item = Voxel>> Iterator for United<I> {
+    type Item = Voxel;
+
+    fn next(&mut self) -> Option<Voxel> {
+        let Voxel { code, .. } = self.next?;
+        let (mut sum, mut points) = ([0.0f64; 3], 0);
+        while let Some(part) = self.next.filter(|part| part.code == code) {
+            (0..3).for_each(|a| sum[a] += f64::from(part.mean[a]) * f64::from(part.points));
+            points += part.points;
+            self.next = self.parts.next();
+        }
+        Some(Voxel { code, mean: sum.map(|s| (s / f64::from(points)) as f32), points })
+    }
+}
+
+/// Number of voxels on each level.
+struct VoxelCounts([usize; VoxelCounts::LEVELS]);
+
+impl VoxelCounts {
+    /// Codes have 63 bits, three a level; on the last level there is one voxel.
+    const LEVELS: usize = 22;
+
+    /// The voxels of points in the grid's Morton order.
+    fn new(points: &Positions, grid: &Grid, monitor: &Monitor) -> Result<Self> {
+        let (mut first, mut last) = ([0; Self::LEVELS + 1], None);
+        for piece in watched(points.len(), monitor) {
+            for i in piece? {
+                let code = grid.code(points.xyz(i));
+                let other = |last: u64| (u64::BITS - (last ^ code).leading_zeros()).div_ceil(3) as usize;
+                // Its voxels of so many levels do not hold the point before.
+                first[last.map_or(Self::LEVELS, other)] += 1;
+                last = Some(code);
+            }
+        }
+        Ok(Self(std::array::from_fn(|level| first[level + 1..].iter().sum())))
+    }
+
+    fn of(&self, level: usize) -> usize {
+        self.0[level.min(Self::LEVELS - 1)]
+    }
+
+    /// Number of times the edge of a level's voxels is doubled so that occupied cells hold [`POINTS_PER_CELL`] points on
+    /// average.
+    fn doublings(&self, level: usize) -> u32 {
+        let enough = |&doublings: &u32| self.of(level + doublings as usize) * POINTS_PER_CELL <= self.of(level) + 8;
+        (1..20).find(enough).unwrap_or(20)
+    }
+}
+
+/// The voxels of a level, during the construction.
 #[derive(Default)]
 struct Voxels {
     codes: Vec<u64>,
-    counts: Vec<u32>,
+    points: Vec<u32>,
+    means: [Vec<f32>; 3],
 }
 
 impl Voxels {
-    /// Averages consecutive points with the same code; returns the voxels and their means.
-    fn unite(points: impl Iterator<Item = (u64, [f32; 3], u32)>, monitor: &Monitor) -> Result<(Self, [Vec<f32>; 3])> {
-        let (mut voxels, mut means) = (Self::default(), [Vec::new(), Vec::new(), Vec::new()]);
-        let mut sum = [0.0f64; 3];
-        for (i, (code, place, count)) in points.enumerate() {
+    /// Collects `count` voxels.
+    fn new(count: usize, voxels: impl Iterator<Item = Voxel>, monitor: &Monitor) -> Result<Self> {
+        let mut all = Self {
+            codes: Vec::with_capacity(count),
+            points: Vec::with_capacity(count),
+            means: [0; 3].map(|_| Vec::with_capacity(count)),
+        };
+        for (i, Voxel { code, mean, points }) in voxels.enumerate() {
             if i % LOOK == 0 {
                 monitor.check()?;
             }
-            if voxels.codes.last() != Some(&code) {
-                voxels.close(&mut sum, &mut means);
-                voxels.codes.push(code);
-                voxels.counts.push(0);
-            }
-            (0..3).for_each(|a| sum[a] += f64::from(place[a]) * f64::from(count));
-            if let Some(n) = voxels.counts.last_mut() {
-                *n += count;
-            }
+            all.codes.push(code);
+            all.points.push(points);
+            all.means.iter_mut().zip(mean).for_each(|(axis, v)| axis.push(v));
         }
-        voxels.close(&mut sum, &mut means);
-        Ok((voxels, means))
+        Ok(all)
     }
 
-    /// Appends the mean of the last voxel.
-    fn close(&self, sum: &mut [f64; 3], means: &mut [Vec<f32>; 3]) {
-        if let Some(&n) = self.counts.last() {
-            (0..3).for_each(|a| means[a].push((sum[a] / f64::from(n)) as f32));
-        }
-        *sum = [0.0; 3];
-    }
-
-    /// Number of times the edge of a voxel is doubled so that occupied cells hold [`POINTS_PER_CELL`] points on
-    /// average.
-    fn doublings(&self, monitor: &Monitor) -> Result<u32> {
-        for doublings in 1..20 {
-            let mut cells = usize::from(!self.codes.is_empty());
-            for piece in watched(self.codes.len().saturating_sub(1), monitor) {
-                let cell = |i: usize| self.codes[i] >> (3 * doublings);
-                cells += piece?.filter(|&i| cell(i) != cell(i + 1)).count();
-            }
-            if cells * POINTS_PER_CELL <= self.codes.len() + 8 {
-                return Ok(doublings);
-            }
-        }
-        Ok(20)
-    }
-
-    fn level(&self, size: f64, [x, y, z]: [Vec<f32>; 3], monitor: &Monitor) -> Result<Level> {
-        let doublings = self.doublings(monitor)?;
+    /// The level of these voxels, whose edge is `size`; their means become its own. Cells of its search grid are voxels
+    /// whose edge is doubled so many times.
+    fn level(&mut self, size: f64, doublings: u32, monitor: &Monitor) -> Result<Level> {
+        let [x, y, z] = std::mem::take(&mut self.means);
         let mut far = 0.0f32;
         for axis in [&x, &y, &z] {
             monitor.check()?;
@@ -126,6 +178,16 @@ impl Voxels {
             y,
             z,
         })
+    }
+
+    /// The voxels of twice the edge, of which there are `count`; `level` has the means of these.
+    fn coarser(&self, level: &Level, count: usize, monitor: &Monitor) -> Result<Self> {
+        let voxel = |i: usize| Voxel {
+            code: self.codes[i],
+            mean: [level.x[i], level.y[i], level.z[i]],
+            points: self.points[i],
+        };
+        Self::new(count, United::new((0..level.len()).map(|i| voxel(i).coarser())), monitor)
     }
 }
 
@@ -157,25 +219,25 @@ pub fn coarse_levels(
     limits: LevelLimits,
     monitor: &Monitor,
 ) -> Result<(usize, Vec<Level>)> {
-    if limits.levels == 0 {
-        return Ok((0, Vec::new()));
+    let counts = VoxelCounts::new(points, grid, monitor)?;
+    let fine = (0..limits.levels).take_while(|&level| counts.of(level) > limits.most_points).count();
+    let mut levels = Vec::<Level>::new();
+    if fine == limits.levels {
+        return Ok((fine, levels));
     }
-    let finest = (0..points.len()).map(|i| (grid.code(points.xyz(i)), points.xyz(i), 1));
-    let (mut voxels, mut means) = Voxels::unite(finest, monitor)?;
-    let (mut fine, mut levels) = (0, Vec::<Level>::new());
-    for l in 0..limits.levels {
-        if l > 0 {
-            let [x, y, z] =
-                levels.last().map_or([&means[0], &means[1], &means[2]], |level| [&level.x, &level.y, &level.z]);
-            let pairs = voxels.codes.iter().zip(&voxels.counts).enumerate();
-            (voxels, means) = Voxels::unite(pairs.map(|(i, (code, &n))| (code >> 3, [x[i], y[i], z[i]], n)), monitor)?;
+    // The voxels of the levels that are skipped are united one after the other, and never held.
+    let parts = (0..points.len()).map(|i| Voxel { code: grid.code(points.xyz(i)), mean: points.xyz(i), points: 1 });
+    let mut finest: Box<dyn Iterator<Item = Voxel>> = Box::new(United::new(parts));
+    for _ in 0..fine {
+        finest = Box::new(United::new(finest.map(Voxel::coarser)));
+    }
+    let mut voxels = Voxels::new(counts.of(fine), finest, monitor)?;
+    for number in fine..limits.levels {
+        if let Some(finer) = levels.last() {
+            voxels = voxels.coarser(finer, counts.of(number), monitor)?;
         }
-        match levels.is_empty() && voxels.codes.len() > limits.most_points {
-            true => fine = l + 1,
-            false => {
-                levels.push(voxels.level(grid.size * f64::from(1u32 << l), std::mem::take(&mut means), monitor)?)
-            }
-        }
+        let size = grid.size * f64::from(1u32 << number);
+        levels.push(voxels.level(size, counts.doublings(number), monitor)?);
     }
     Ok((fine, levels))
 }
@@ -208,6 +270,39 @@ mod tests {
             assert_eq!(direct.len(), cascade.len());
             let same = |a: &[f32; 3], b: &[f32; 3]| (0..3).all(|k| (a[k] - b[k]).abs() < 1e-5);
             assert!(direct.iter().all(|a| cascade.iter().any(|b| same(a, b))));
+        }
+    }
+
+    #[test]
+    fn levels_are_the_same_if_finer_ones_are_skipped() {
+        let rows: Vec<[f64; 3]> = (0..4000)
+            .map(|i| [f64::from(i * 7919 % 997) * 0.02, f64::from(i * 104_729 % 883) * 0.02, f64::from(i % 131) * 0.02])
+            .collect();
+        let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
+        let (grid, monitor) = (Grid::new(&points, 0.1).unwrap(), Monitor::default());
+        let points = sorted(points, &grid, &monitor).unwrap().positions;
+        let all = build_levels(&points, &grid, 6, &monitor).unwrap();
+        let distinct = |level: u32| {
+            let codes: std::collections::BTreeSet<u64> =
+                (0..points.len()).map(|i| grid.code(points.xyz(i)) >> (3 * level)).collect();
+            codes.len()
+        };
+        let counts: Vec<usize> = (0..6).map(distinct).collect();
+        assert_eq!(all.iter().map(Level::len).collect::<Vec<_>>(), counts);
+        for skipped in 0..=6 {
+            let limits = LevelLimits { levels: 6, most_points: counts.get(skipped).copied().unwrap_or(0) };
+            let (fine, levels) = coarse_levels(&points, &grid, limits, &monitor).unwrap();
+            assert_eq!((fine, levels.len()), (skipped, 6 - skipped));
+            for (level, same) in levels.iter().zip(&all[skipped..]) {
+                assert_eq!([&level.x, &level.y, &level.z], [&same.x, &same.y, &same.z]);
+            }
+        }
+        for (level, of) in (0u32..).zip(&all) {
+            // Cells of the search hold five points on average, those of half the edge fewer.
+            let doublings = (of.cell_size / of.size).log2().round() as u32;
+            let per_cell = |doublings: u32| of.len() as f64 / distinct(level + doublings) as f64;
+            assert!(per_cell(doublings) >= 4.9 || of.len() < 100, "{level}: {}", per_cell(doublings));
+            assert!(doublings == 1 || per_cell(doublings - 1) < 5.1, "{level}");
         }
     }
 }
