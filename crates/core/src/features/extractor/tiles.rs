@@ -111,22 +111,18 @@ impl<'a> Tiles<'a> {
     }
 
     /// The point in the middle of each voxel, in the sorted order. The voxels are those of the level of the pyramid whose
-    /// edge, metres, is the nearest. O(n) time, 8 bytes a voxel.
-    pub(crate) fn middles(&self, edge: f64) -> Vec<Middle> {
+    /// edge, metres, is the nearest. O(n) time for all of them.
+    pub(crate) fn middles(&self, edge: f64) -> impl Iterator<Item = Middle> {
         let Sorted { points, grid, .. } = &self.sorted;
         let level = (edge / grid.size).log2().round().clamp(0.0, 20.0) as u32;
-        let mut middles = Vec::new();
-        let code = |i: usize| grid.code(points.positions.xyz(i)) >> (3 * level);
-        let (mut first, mut here) = (0, None);
-        for i in 0..=points.len() {
-            let next = (i < points.len()).then(|| code(i));
-            if next != here && i > first {
-                middles.push(Middle { place: middle_of(&points.positions, first..i) as u32, end: i as u32 });
-                first = i;
-            }
-            here = next;
-        }
-        middles
+        let code = move |i: usize| grid.code(points.positions.xyz(i)) >> (3 * level);
+        let mut next = (!points.is_empty()).then(|| (0, code(0)));
+        std::iter::from_fn(move || {
+            let (first, here) = next?;
+            next = (first + 1..points.len()).map(|i| (i, code(i))).find(|&(_, code)| code != here);
+            let end = next.map_or(points.len(), |(i, _)| i);
+            Some(Middle { place: middle_of(&points.positions, first..end) as u32, end: end as u32 })
+        })
     }
 
     /// Calls `describe` with an extractor of each part's points for which `wanted` holds (by their index in the cloud), and

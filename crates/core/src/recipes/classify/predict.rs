@@ -30,8 +30,8 @@ pub(in crate::recipes) struct CloudPredictor<'a> {
     /// Summary of the samples that it was trained on.
     training: Option<&'a Fingerprint>,
     beside: Beside<'a>,
-    /// Of each voxel, the only point that is rated; empty if all points are.
-    middles: Vec<Middle>,
+    /// Edge of the voxels, metres, of which only the point in the middle is rated; `None` if all points are.
+    voxel: Option<f64>,
     /// Of each point of the cloud, whether it is rated; empty if all points are.
     only: Vec<bool>,
     /// Points that may be cars, if cars are looked for.
@@ -214,7 +214,7 @@ impl<'a> CloudPredictor<'a> {
             names: stage.names,
             training: stage.training,
             beside: Beside::Nothing,
-            middles: Vec::new(),
+            voxel: None,
             only: Vec::new(),
             candidates: None,
         })
@@ -237,7 +237,7 @@ impl<'a> CloudPredictor<'a> {
             names: &[],
             training: None,
             beside: Beside::First(first),
-            middles: Vec::new(),
+            voxel: None,
             only: Vec::new(),
             candidates: None,
         })
@@ -264,7 +264,7 @@ impl<'a> CloudPredictor<'a> {
             names: stage.names,
             training: stage.training,
             beside: Beside::Context(context),
-            middles: Vec::new(),
+            voxel: None,
             only: Vec::new(),
             candidates: None,
         })
@@ -273,8 +273,7 @@ impl<'a> CloudPredictor<'a> {
     /// Rates only the point in the middle of each voxel of this edge, metres; the others get its probabilities. 0: rates
     /// every point.
     pub(in crate::recipes) fn by_voxel(self, edge: f64) -> Self {
-        let middles = if edge > 0.0 { self.tiles.middles(edge) } else { Vec::new() };
-        Self { middles, ..self }
+        Self { voxel: Some(edge).filter(|&edge| edge > 0.0), ..self }
     }
 
     /// Rates only these points of the cloud; the others get zeros. Not together with [`CloudPredictor::by_voxel`].
@@ -287,11 +286,17 @@ impl<'a> CloudPredictor<'a> {
         Self { candidates, ..self }
     }
 
+    /// Of each voxel, the only point that is rated; nothing if all points are. The voxels are found anew, because a thin cloud
+    /// has nearly as many as points.
+    fn middles(&self) -> impl Iterator<Item = Middle> {
+        self.voxel.into_iter().flat_map(|edge| self.tiles.middles(edge))
+    }
+
     /// Gives each point the probabilities of the point in the middle of its voxel.
     fn spread(&self, values: &mut [f32], row_of: impl Fn(u32) -> usize) {
         let (classes, index) = (self.classifier.classes(), self.tiles.indices());
         let mut first = 0;
-        for middle in &self.middles {
+        for middle in self.middles() {
             let from = row_of(index[middle.place as usize]) * classes;
             for place in (first..middle.end).filter(|&place| place != middle.place) {
                 values.copy_within(from..from + classes, row_of(index[place as usize]) * classes);
@@ -372,12 +377,12 @@ impl<'a> CloudPredictor<'a> {
 
     /// For each point of the cloud, whether it is rated; empty if all are.
     fn rated(&self) -> Cow<'_, [bool]> {
-        if self.middles.is_empty() {
+        if self.voxel.is_none() {
             return Cow::Borrowed(&self.only);
         }
         let index = self.tiles.indices();
         let mut rated = vec![false; index.iter().max().map_or(0, |&last| last as usize + 1)];
-        self.middles.iter().for_each(|middle| rated[index[middle.place as usize] as usize] = true);
+        self.middles().for_each(|middle| rated[index[middle.place as usize] as usize] = true);
         Cow::Owned(rated)
     }
 
