@@ -2,9 +2,12 @@
 
     python scripts/car_clouds.py DATA FOLDER        # needs: pip install numpy laspy lazrs
 
-DATA/airborne holds the scans. Writes copies of two of them to FOLDER, in which cars have the code 30; same inputs, same
-bytes. Real cars are those of `car_boxes.txt`, which were marked by hand; `made_up_cars.py` adds others, and bushes.
+DATA/airborne holds the scans. Writes three copies of two of them to FOLDER, in which cars have the code 30; same inputs,
+same bytes. Real cars are those of `car_boxes.txt`, which were marked by hand; `made_up_cars.py` adds others, and bushes.
 Other points of class 1 of the housing estate are not learned from.
+
+Two of the copies are bare: without buildings, and without what is high. A classifier that has only seen cars near houses
+finds none in open country.
 """
 
 import argparse
@@ -23,16 +26,24 @@ UNSURE = -1
 HOUSING, AHN3 = "lidarhd_housing.laz", "ahn3_delft_west.laz"
 
 
+#: Points of bare copies are lower than this over the lowest ground in squares of such an edge, metres.
+BARE, SQUARE = 3.0, 6.0
+
+
 @dataclass(frozen=True)
 class MadeUp:
-    """What is put on a training cloud: seed, cars and bushes; fewer if not all find a place."""
+    """What is put on a copy of a scan: seed, cars and bushes, fewer if not all find a place; whether it is a bare copy."""
 
     seed: int
     cars: int
     bushes: int
+    bare: bool = False
 
 
-MADE_UP = {HOUSING: MadeUp(2, 200, 150), AHN3: MadeUp(1, 300, 250)}
+MADE_UP = {
+    HOUSING: [MadeUp(2, 200, 150), MadeUp(2, 200, 150, bare=True), MadeUp(12, 200, 200, bare=True)],
+    AHN3: [MadeUp(1, 300, 250), MadeUp(1, 300, 250, bare=True), MadeUp(11, 300, 300, bare=True)],
+}
 
 
 @dataclass(frozen=True)
@@ -81,12 +92,22 @@ def marked(xyz, codes, name):
     return result
 
 
-def training_cloud(data, name, folder):
-    """Writes a scan with marked cars, made-up cars and bushes; prints how many there are."""
-    las = laspy.read(data / "airborne" / name)
+def low(xyz, codes):
+    """Which points are neither building nor high over the ground."""
+    square = np.floor((xyz[:, :2] - xyz[:, :2].min(0)) / SQUARE).astype(np.int64)
+    key = square[:, 0] * (square[:, 1].max() + 1) + square[:, 1]
+    ground = np.full(key.max() + 1, np.inf)
+    np.minimum.at(ground, key[codes == 2], xyz[codes == 2, 2])
+    # Where no ground is known nothing is low.
+    ground[np.isinf(ground)] = -np.inf
+    return (codes != 6) & (xyz[:, 2] - ground[key] < BARE)
+
+
+def training_cloud(las, name, made_up):
+    """The copy of a scan with marked cars, made-up cars and bushes; prints how many there are."""
     xyz, codes = np.column_stack([las.x, las.y, las.z]), np.asarray(las.classification).astype(int)
     open_ground = (codes == 2) & (np.asarray(las.number_of_returns) == 1)
-    scene, made_up = Scene(xyz, open_ground, np.asarray(las.point_source_id)), MADE_UP[name]
+    scene = Scene(xyz, open_ground, np.asarray(las.point_source_id))
     rng = np.random.default_rng(made_up.seed)
     cars = put(Car, made_up.cars, scene, rng)
     bushes = put(Bush, made_up.bushes, cars.scene(scene), rng)
@@ -97,10 +118,18 @@ def training_cloud(data, name, folder):
     labels[bushes.on_object], labels[cars.on_object] = 5, CAR
     las.x, las.y, las.z = bushes.xyz.T
     las.classification = labels.astype(np.uint8)
-    las.points = las.points[~cars.removed]
-    las.write(folder / name)
-    numbers = (cars.objects, cars.on_object.sum(), bushes.objects, bushes.on_object.sum(), (real > 0).sum())
+    las.points = las.points[~cars.removed & (low(xyz, codes) | (not made_up.bare))]
+    numbers = (cars.objects, cars.on_object.sum(), bushes.objects, bushes.on_object.sum(), (real > 0).sum(), len(las.points))
     print(f"| {name} | " + " | ".join(f"{number:,}" for number in numbers) + " |", flush=True)
+    return las
+
+
+def training_clouds(data, name, folder):
+    """Writes the copies of a scan; their paths."""
+    for number, made_up in enumerate(MADE_UP[name], 1):
+        path = folder / f"{pathlib.PurePath(name).stem}_{number}.laz"
+        training_cloud(laspy.read(data / "airborne" / name), name, made_up).write(path)
+        yield path
 
 
 def main():
@@ -109,10 +138,10 @@ def main():
     parser.add_argument("folder", type=pathlib.Path)
     given = parser.parse_args()
     given.folder.mkdir(parents=True, exist_ok=True)
-    print("| training cloud | made-up cars | points | made-up bushes | points | points of marked cars |")
-    print("|---|---|---|---|---|---|")
+    print("| training cloud | made-up cars | points | made-up bushes | points | points of marked cars | all points |")
+    print("|---|---|---|---|---|---|---|")
     for name in MADE_UP:
-        training_cloud(given.data, name, given.folder)
+        list(training_clouds(given.data, name, given.folder))
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ import tempfile
 
 import numpy as np
 import scansion
-from car_clouds import CAR, MADE_UP, training_cloud
+from car_clouds import CAR, MADE_UP, training_clouds
 
 HERE = pathlib.Path(__file__).resolve().parent.parent
 RECIPE = HERE / "crates/core/assets/default.toml"
@@ -26,12 +26,24 @@ TITLES = {
     "lidarhd_farm_rgb.laz": "Farm (machine labels)",
     "lidarhd_fields_rgbnir_extra_bytes.laz": "Fields (machine labels)",
     "powerline_corridor.laz": "Power line corridor (machine labels)",
+    "b9_partial_labels_rgb.ply": "Small town (a ninth of the points labelled)",
     "lidarhd_housing.laz": "Housing estate, left out of training",
     "ahn3_delft_west.laz": "AHN3 Delft, left out of training",
     "lidarhd_sparse_1km.laz": "Square kilometre, left out of training",
     "lidarhd_rural_sparse_1km.laz": "Rural square kilometre, left out of training",
 }
 RETURNS = ["ReturnNumber", "NumberOfReturns"]
+#: Codes of the labels 0, 1 and 2 of the PLY file; -1 is no label.
+PLY_CODES = {-1: 0, 0: 2, 1: 5, 2: 6}
+
+
+def read(path):
+    """The scan, with its labels as Classification and its return numbers."""
+    if path.suffix != ".ply":
+        return scansion.read(path, columns=["Classification", *RETURNS])
+    cloud = scansion.read(path, columns=["label"])
+    cloud["Classification"] = np.vectorize(PLY_CODES.get)(cloud["label"]).astype(np.uint8)
+    return cloud
 
 
 def truth(name, codes):
@@ -133,7 +145,7 @@ def line(name, values):
 def without(left_out, data):
     """A model of the same recipe, trained on the other scenes."""
     names = [n for n in TRAINING if n != left_out]
-    clouds = [scansion.read(data / "airborne" / n, columns=["Classification", *RETURNS]) for n in names]
+    clouds = [read(data / "airborne" / n) for n in names]
     labels = [truth(n, c["Classification"]) for n, c in zip(names, clouds)]
     return scansion.PointClassifier(RECIPE).fit(clouds, labels)
 
@@ -141,9 +153,10 @@ def without(left_out, data):
 def with_cars(model, left_out, data):
     """The model, which also learns cars, from the other scenes."""
     with tempfile.TemporaryDirectory() as folder:
+        paths = [data / "airborne" / name for name in TRAINING if name not in (left_out, *MADE_UP)]
         for name in MADE_UP:
-            training_cloud(data, name, pathlib.Path(folder))
-        paths = [(pathlib.Path(folder) if n in MADE_UP else data / "airborne") / n for n in TRAINING if n != left_out]
+            if name != left_out:
+                paths += training_clouds(data, name, pathlib.Path(folder))
         return model.add_cars(paths, code=CAR)
 
 
@@ -153,7 +166,7 @@ def main():
     scenes, copies, unknown = [], [], []
     for name, title in TITLES.items():
         path = HERE / "crates/cli/assets/demo.laz" if name == "demo.laz" else data / "airborne" / name
-        cloud = scansion.read(path, columns=["Classification", *RETURNS])
+        cloud = read(path)
         codes = truth(name, cloud["Classification"])
         model = with_cars(without(name, data), name, data) if name in TRAINING else builtin
         found = np.asarray(model.classify(cloud, abstain=0.0).codes)

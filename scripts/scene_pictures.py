@@ -32,6 +32,7 @@ SCENES = {
     "lidarhd_farm_rgb.laz": ("Farm", 60, 50),
     "powerline_corridor.laz": ("Power line corridor", 20, 50),
     "lidarhd_fields_rgbnir_extra_bytes.laz": ("Fields", None, None),
+    "b9_partial_labels_rgb.ply": ("Small town", 30, 45),
 }
 #: The scenes whose terrain and footprints are drawn.
 MAPPED = ["ahn3_delft_west.laz", "lidarhd_housing.laz"]

@@ -32,7 +32,7 @@ pub struct CarTraining {
 
 impl Default for CarTraining {
     fn default() -> Self {
-        let boosting = BoostingParams { rounds: 150, class_weight: ClassWeight::Balanced, ..BoostingParams::default() };
+        let boosting = BoostingParams { rounds: 250, class_weight: ClassWeight::Balanced, ..BoostingParams::default() };
         Self { code: 64, per_copy: 8000, boosting }
     }
 }

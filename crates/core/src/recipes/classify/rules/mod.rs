@@ -6,6 +6,7 @@ mod cars;
 mod crossings;
 mod decks;
 mod level;
+mod narrow;
 mod plan;
 mod raised;
 mod spans;
@@ -29,6 +30,7 @@ use crate::voxels::rows::RowGrid;
 use cars::Named;
 use crossings::{Crossing, crossings};
 use level::LevelRows;
+use narrow::narrow;
 pub(in crate::recipes) use plan::plan_cell;
 use raised::{Land, raised};
 use serde::{Deserialize, Serialize};
@@ -89,8 +91,8 @@ pub struct ClassRules {
     /// Heights above the ground, metres, ascending: vegetation (5) below the first becomes low (3), below the second
     /// medium (4). Empty: not divided. Only for models with the classes 2 and 5, but neither 3 nor 4.
     pub vegetation: Vec<f64>,
-    /// Building points (6) less than this above the ground, metres, become ground: no building is as low. 0: none. Only
-    /// for models with the ASPRS classes 2 and 6.
+    /// Building points (6) less than this above the ground, metres, become ground: no building is as low. Buildings of less
+    /// than 6 m² become unclassified: none is as narrow. 0: neither. Only for models with the ASPRS classes 2 and 6.
     pub lowest_building: f64,
     /// Buildings (6) that are level with the ground around them become ground (hilltops) or unclassified (decks of short
     /// bridges, terraces). Only for models with the ASPRS classes 2 and 6.
@@ -307,6 +309,10 @@ impl ClassRules {
         if !result.cars.is_empty() {
             let (codes, cars, density) = (&result.codes, &result.cars, result.density);
             let found = self.cars.among(&Named { points, codes, cars, heights: &heights, density }, monitor)?;
+            found.iter().for_each(|&row| result.codes[index[row as usize] as usize] = free);
+        }
+        if self.lowers(classes) {
+            let found = narrow(points, &result.codes, result.density, monitor)?;
             found.iter().for_each(|&row| result.codes[index[row as usize] as usize] = free);
         }
         if self.finds_water(classes) {
