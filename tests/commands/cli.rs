@@ -128,7 +128,7 @@ fn cars_are_learned_beside_a_model() {
     moved.set_column(demo.column("Classification").unwrap().clone()).unwrap();
     scansion_core::io::write(&f.join("moved.laz"), &moved, &Default::default()).unwrap();
     let shown = done(f, &["model", "show"]);
-    assert!(shown.contains("cars are found, and left unclassified: gbt, 150 trees"), "{shown}");
+    assert!(shown.contains("cars are found, and left unclassified: gbt, 250 trees"), "{shown}");
     // Vegetation in the place of cars.
     let learn = ["train", "moved.laz", "--add-cars-to", "built-in", "-o", "cars.model"];
     let said = done(f, &[&learn[..], &["--cars", "5"]].concat());
