@@ -1,4 +1,4 @@
-"""What the built-in model makes of objects of the DALES data set, none of which it or its rules were made with.
+"""What the built-in model makes of objects of the DALES data set, none of which it has learned from.
 
     python scripts/dales_objects.py DATA [--out FOLDER]        # needs: pip install '.[viz]'
 

@@ -1,6 +1,6 @@
 //! Rules that change the classes of a model afterwards: vegetation is divided by its height, buildings without height
-//! become ground, isolated points become noise, and wires get a class of their own. Cars, water, points of low
-//! confidence and those that the surroundings contradict become unclassified.
+//! become ground, isolated points become noise, and wires get a class of their own. Cars, water, buildings too narrow to
+//! be any, points of low confidence and those that the surroundings contradict become unclassified.
 
 mod cars;
 mod crossings;
@@ -91,8 +91,9 @@ pub struct ClassRules {
     /// Heights above the ground, metres, ascending: vegetation (5) below the first becomes low (3), below the second
     /// medium (4). Empty: not divided. Only for models with the classes 2 and 5, but neither 3 nor 4.
     pub vegetation: Vec<f64>,
-    /// Building points (6) less than this above the ground, metres, become ground: no building is as low. Buildings of less
-    /// than 6 m² become unclassified: none is as narrow. 0: neither. Only for models with the ASPRS classes 2 and 6.
+    /// Building points (6) less than this above the ground, metres, become ground: no building is as low. Those in less than six
+    /// cells of 1 m that touch each other become unclassified, but not in clouds of less than 2.25 points per square metre: no
+    /// building is as narrow. 0: neither. Only for models with the ASPRS classes 2 and 6.
     pub lowest_building: f64,
     /// Buildings (6) that are level with the ground around them become ground (hilltops) or unclassified (decks of short
     /// bridges, terraces). Only for models with the ASPRS classes 2 and 6.

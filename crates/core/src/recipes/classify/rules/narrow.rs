@@ -18,11 +18,11 @@ const CELLS: usize = 6;
 /// If the work was cancelled.
 pub(super) fn narrow(points: &Points, codes: &[u8], density: f64, monitor: &Monitor) -> Result<Vec<u32>> {
     let edge = cell_edge(CELL, SPACINGS, density);
-    let building = |&row: &u32| codes[points.frame.index[row as usize] as usize] == BUILDING;
-    let used: Vec<u32> = (0..points.len() as u32).filter(building).collect();
-    if edge > CELL || used.is_empty() {
+    if edge > CELL {
         return Ok(Vec::new());
     }
+    let building = |&row: &u32| codes[points.frame.index[row as usize] as usize] == BUILDING;
+    let used: Vec<u32> = (0..points.len() as u32).filter(building).collect();
     let cells = PlanRows::new(points, used, edge, monitor)?;
     let near = |cell: usize| block(cells.index.keys()[cell], 1).filter_map(|key| cells.index.find(key));
     let all = groups((0..cells.len()).collect(), near, monitor)?;
