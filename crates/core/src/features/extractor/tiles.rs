@@ -21,7 +21,7 @@ use std::sync::Arc;
 const PART: usize = 1 << 20;
 
 /// The same if there are profiles: in a thin cloud each point has cells of its own, of some hundred bytes.
-const PART_OF_PROFILES: usize = 1 << 19;
+const PART_OF_PROFILES: usize = 1 << 18;
 
 /// Levels with more than one in this many of the points are held in parts.
 const COARSE_SHARE: usize = 8;

@@ -359,8 +359,6 @@ impl<'a> CloudPredictor<'a> {
                 if let Beside::Context(columns) = &self.beside
                     && around.as_ref().is_none_or(|(part, _)| *part != extractor.part())
                 {
-                    // The context of one part is dropped before that of the next is built.
-                    drop(around.take());
                     let names = &self.names[self.tiles.names().len()..];
                     around = Some((extractor.part(), columns.of_part(&self.tiles, extractor, names, monitor)?));
                 }
@@ -369,7 +367,12 @@ impl<'a> CloudPredictor<'a> {
                     fit.add(group.fit);
                     sink(group);
                 };
-                self.all_blocks(&part, &mut sink, monitor)
+                let loose = self.all_blocks(&part, &mut sink, monitor)?;
+                if loose.is_empty() {
+                    // Done with this part: its context is dropped before anything of the next is built.
+                    around = None;
+                }
+                Ok(loose)
             },
         )?;
         Ok(fit)
