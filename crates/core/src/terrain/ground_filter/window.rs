@@ -18,6 +18,13 @@ pub(super) struct Window {
     diagonal: usize,
 }
 
+/// Heights after an opening, and memory that the next one uses again.
+#[derive(Default)]
+pub(super) struct Opening {
+    pub(super) opened: Vec<f32>,
+    least: Vec<f32>,
+}
+
 #[derive(Clone, Copy)]
 enum Extreme {
     Least,
@@ -45,8 +52,9 @@ impl Window {
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(super) fn opened(self, values: &[f32], monitor: &Monitor) -> Result<Vec<f32>> {
-        self.filtered(&self.filtered(values, Extreme::Least, monitor)?, Extreme::Greatest, monitor)
+    pub(super) fn open(self, values: &[f32], opening: &mut Opening, monitor: &Monitor) -> Result<()> {
+        self.filter(values, Extreme::Least, &mut opening.least, monitor)?;
+        self.filter(&opening.least, Extreme::Greatest, &mut opening.opened, monitor)
     }
 
     /// Closing, the minimum of the maxima: pits narrower than the window disappear. O(cells log reach).
@@ -54,23 +62,33 @@ impl Window {
     /// # Errors
     /// If the work was cancelled.
     pub(super) fn closed(self, values: &[f32], monitor: &Monitor) -> Result<Vec<f32>> {
-        self.filtered(&self.filtered(values, Extreme::Greatest, monitor)?, Extreme::Least, monitor)
+        let (mut greatest, mut closed) = (Vec::new(), Vec::new());
+        self.filter(values, Extreme::Greatest, &mut greatest, monitor)?;
+        self.filter(&greatest, Extreme::Least, &mut closed, monitor)?;
+        Ok(closed)
     }
 
-    fn filtered(self, values: &[f32], extreme: Extreme, monitor: &Monitor) -> Result<Vec<f32>> {
-        let (rows, mut found) = (values.len() / self.columns, vec![0.0; values.len()]);
-        fill_parts(&mut found, ROWS * self.columns, monitor, |number, part| {
+    /// Replaces `found` by the extreme values.
+    fn filter(self, values: &[f32], extreme: Extreme, found: &mut Vec<f32>, monitor: &Monitor) -> Result<()> {
+        let rows = values.len() / self.columns;
+        found.resize(values.len(), 0.0);
+        fill_parts(found, ROWS * self.columns, monitor, |number, part| {
             let own = number * ROWS..((number + 1) * ROWS).min(rows);
-            part.copy_from_slice(&match extreme {
+            let block = match extreme {
                 Extreme::Least => self.of_rows(values, own, f32::INFINITY, |a, b| if a < b { a } else { b }),
                 Extreme::Greatest => self.of_rows(values, own, f32::NEG_INFINITY, |a, b| if a > b { a } else { b }),
+            };
+            // The window that begins at this column has its middle at the first column of the grid.
+            let first = self.reach() - self.square;
+            let lines = block.chunks_exact(self.columns + 2 * self.reach());
+            part.chunks_exact_mut(self.columns).zip(lines).for_each(|(own, line)| {
+                own.copy_from_slice(&line[first..][..self.columns]);
             });
-        })?;
-        Ok(found)
+        })
     }
 
-    /// The extreme values of some rows: first along all rows that their windows reach, then across them and along the
-    /// diagonals. `outside` is never an extreme value.
+    /// The extreme values of some rows, and of the columns and rows that their windows reach: first along all of these rows,
+    /// then across them and along the diagonals. `outside` is never an extreme value.
     fn of_rows(self, values: &[f32], rows: Range<usize>, outside: f32, better: impl Fn(f32, f32) -> f32) -> Vec<f32> {
         let Self { columns, square, diagonal } = self;
         let (reach, width) = (self.reach(), columns + 2 * self.reach());
@@ -84,9 +102,7 @@ impl Window {
         slide(&mut block, width, 2 * square + 1, &better);
         slide(&mut block, width + 1, 2 * diagonal + 1, &better);
         slide(&mut block, width - 1, 2 * diagonal + 1, &better);
-        // The window that begins at this column has its middle at the first column of the grid.
-        let first = reach - square;
-        (0..rows.len()).flat_map(|r| &block[r * width + first..][..columns]).copied().collect()
+        block
     }
 }
 
@@ -128,8 +144,11 @@ mod tests {
                     let values = &values;
                     (0..values.len()).filter(near).map(move |j| values[j])
                 };
-                let least = window.filtered(&values, Extreme::Least, &Monitor::default()).unwrap();
-                let greatest = window.filtered(&values, Extreme::Greatest, &Monitor::default()).unwrap();
+                // What is left of a larger grid must not matter.
+                let (mut least, mut greatest) = (vec![-1.0; 9000], Vec::new());
+                window.filter(&values, Extreme::Least, &mut least, &Monitor::default()).unwrap();
+                window.filter(&values, Extreme::Greatest, &mut greatest, &Monitor::default()).unwrap();
+                assert_eq!([least.len(), greatest.len()], [values.len(); 2]);
                 for i in 0..values.len() {
                     assert_eq!(least[i], around(i).fold(f32::INFINITY, f32::min), "{window:?} {rows} at {i}");
                     assert_eq!(greatest[i], around(i).fold(f32::NEG_INFINITY, f32::max));
@@ -143,9 +162,12 @@ mod tests {
         let mut s = stream(5, 2);
         let values: Vec<f32> = (0..40 * 30).map(|_| s.uniform() as f32).collect();
         let (window, monitor) = (Window::octagon(40, 3), Monitor::default());
-        let (opened, closed) = (window.opened(&values, &monitor).unwrap(), window.closed(&values, &monitor).unwrap());
+        let (mut opening, closed) = (Opening::default(), window.closed(&values, &monitor).unwrap());
+        window.open(&values, &mut opening, &monitor).unwrap();
+        let opened = opening.opened.clone();
         assert!(values.iter().zip(&opened).all(|(v, o)| o <= v) && values.iter().zip(&closed).all(|(v, c)| c >= v));
-        assert_eq!(window.opened(&opened, &monitor).unwrap(), opened);
+        window.open(&opened, &mut opening, &monitor).unwrap();
+        assert_eq!(opening.opened, opened);
         assert_eq!(window.closed(&closed, &monitor).unwrap(), closed);
     }
 }
