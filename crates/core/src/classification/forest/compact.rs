@@ -240,7 +240,8 @@ impl Piece<'_> {
         let groups = firsts.filter_map(|first| codes.by_row.get(first..)?.first_chunk::<SPARE>());
         let ends = from.numbers.as_chunks::<IN_STEP>().0;
         for ((rows, ends), leaves) in groups.zip(ends).zip(leaves.as_chunks_mut().0) {
-            let starts = ends.map(|end| from.crown.end(end));
+            let mut starts = [0; IN_STEP];
+            starts.iter_mut().zip(ends).for_each(|(start, &end)| *start = from.crown.end(end));
             *leaves = self.descend(starts, |i, feature| rows[i * STRIDE + usize::from(feature)]);
         }
     }
@@ -278,7 +279,10 @@ impl Piece<'_> {
                 last = last.and(step);
             }
             if last.is_leaf() {
-                return at.map(|at| self.leaf(at));
+                // `map` of an array would be a call here.
+                let mut leaves = [0; IN_STEP];
+                leaves.iter_mut().zip(at).for_each(|(leaf, at)| *leaf = self.leaf(at));
+                return leaves;
             }
         }
     }

@@ -127,7 +127,9 @@ impl Default for Near {
 impl Near {
     #[inline(always)]
     fn clear(&mut self) {
-        *self = Self::default();
+        self.lowest.fill([f32::INFINITY; LANES]);
+        self.highest.fill([f32::NEG_INFINITY; LANES]);
+        self.found = [0.0; LANES];
     }
 
     #[inline(always)]

@@ -7,8 +7,8 @@ use super::plan::{AXES, PlanRows, SPACINGS, block, cell_edge, each_cell, groups,
 use super::raised::Land;
 use super::{BUILDING, GROUND};
 use crate::error::Result;
-use crate::parallel::{Monitor, map_watched};
-use crate::voxels::cells::index::CellIndex;
+use crate::parallel::{Monitor, map_ordered, map_watched};
+use crate::voxels::cells::index::{CellIndex, Walk, block_of};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -46,8 +46,12 @@ const APART: i32 = 2;
 /// Axes between those of [`AXES`]; with fewer axes across, a wide deck over a narrow channel is missed.
 const BETWEEN: [[i32; 2]; 12] =
     [[2, 1], [1, 2], [2, -1], [1, -2], [3, 1], [1, 3], [3, -1], [1, -3], [3, 2], [2, 3], [3, -2], [2, -3]];
-/// From a cell to the next along a way at most so many cells.
+/// From a cell to the next along a way less than so many cells.
 const STEP: f64 = 5.0;
+/// The next cell along a way is at most so many cells away along each axis.
+const SIDE: usize = STEP as usize - 1;
+/// Cells of a block.
+const BLOCK: usize = 4096;
 
 /// A level way across lower ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -149,7 +153,8 @@ impl Scene<'_> {
             axes.filter_map(|direction| self.strip(brink, direction)).collect::<Vec<Strip>>()
         };
         let mut places = BTreeMap::<usize, Place>::new();
-        for strip in each_cell(self.surfaces.len(), monitor, strips_of)? {
+        let brinks = self.brinks(monitor)?;
+        for strip in each_cell(brinks.len(), monitor, |i| strips_of(brinks[i]))? {
             for cell in strip.cells {
                 let place = places.entry(cell).or_insert(Place { cell, width: f64::MAX, fall: 0.0 });
                 (place.width, place.fall) = (place.width.min(strip.width), place.fall.max(strip.fall));
@@ -164,6 +169,22 @@ impl Scene<'_> {
             places.get(&self.middle(way)?).map(|place| Place { fall, ..*place })
         };
         Ok(ways.iter().filter_map(place).collect())
+    }
+
+    /// The cells with lower ground near enough to be the next one: most have none.
+    fn brinks(&self, monitor: &Monitor) -> Result<Vec<usize>> {
+        let keys = self.index.keys();
+        let found = map_ordered(keys.len().div_ceil(BLOCK), monitor, |block| {
+            let cells = block_of(block, BLOCK, keys.len());
+            let mut walk = Walk::<SIDE>::new(keys, cells.start);
+            let mut drops = |cell: usize| {
+                let mut lowest = f32::INFINITY;
+                walk.around(cell, |near, _| lowest = lowest.min(self.surfaces[near].lowest));
+                self.is_below(lowest, cell)
+            };
+            Ok(cells.filter(|&cell| drops(cell)).collect::<Vec<usize>>())
+        })?;
+        Ok(found.concat())
     }
 
     /// The cells from one that drops in a direction to one that drops in the opposite direction, if both drops are steep and
@@ -291,7 +312,12 @@ impl Scene<'_> {
 
     /// Whether a cell has ground lower than another.
     fn is_lower(&self, cell: usize, than: usize) -> bool {
-        f64::from(self.surfaces[cell].lowest) < self.height(than) - DROP
+        self.is_below(self.surfaces[cell].lowest, than)
+    }
+
+    /// Whether a height is so far below a cell that ground there is lower.
+    fn is_below(&self, height: f32, cell: usize) -> bool {
+        f64::from(height) < self.height(cell) - DROP
     }
 
     /// The cells in the middle between two: twice the same, one of the two, or both between.
@@ -380,6 +406,26 @@ mod tests {
             true => Some(Spot { z: 0.0, code }),
             false => Some(Spot { z: ditch.height(x), code: GROUND }),
         }
+    }
+
+    #[test]
+    fn cells_that_are_passed_over_drop_in_no_direction() {
+        let keys: Vec<[i32; 2]> = (0..3600).map(|i| [i / 60, i % 60]).filter(|[x, y]| (x * y) % 7 != 3).collect();
+        let surface = |&[x, y]: &[i32; 2]| {
+            let height = if (x - 30).abs() < 2 || (y - 20).abs() < 1 { -2.0 } else { 0.01 * x as f32 };
+            Surface { height, lowest: height, highest: height, bare: true }
+        };
+        let surfaces: Vec<Surface> = keys.iter().map(surface).collect();
+        let index = CellIndex::new(keys);
+        let scene = Scene { index: &index, surfaces, edge: 1.0 };
+        let brinks = scene.brinks(&Monitor::default()).unwrap();
+        let drops = |&cell: &usize| {
+            let mut axes = AXES.into_iter().chain(BETWEEN).flat_map(|[x, y]| [[x, y], [-x, -y]]);
+            axes.any(|direction| matches!(scene.next(cell, cell, direction), Some(Next::Drop(_))))
+        };
+        let dropping: Vec<usize> = (0..scene.surfaces.len()).filter(drops).collect();
+        assert!(dropping.len() > 300 && dropping.iter().all(|cell| brinks.binary_search(cell).is_ok()));
+        assert!(brinks.len() < scene.surfaces.len() / 2, "{}", brinks.len());
     }
 
     #[test]
