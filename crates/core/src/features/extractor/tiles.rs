@@ -147,9 +147,13 @@ impl<'a> Tiles<'a> {
                 if places.is_empty() {
                     break;
                 }
-                let bare = self.extractor(&places, attempt, monitor)?;
-                let loose = describe(&Extractor { profiles: profiles.clone(), part: number, ..bare })?;
-                places = loose.into_iter().map(|row| places[row]).collect();
+                let mut loose = Vec::new();
+                for near in self.near_each_other(&places, attempt) {
+                    let bare = self.extractor(near, attempt, monitor)?;
+                    let rows = describe(&Extractor { profiles: profiles.clone(), part: number, ..bare })?;
+                    loose.extend(rows.into_iter().map(|row| near[row]));
+                }
+                places = loose;
             }
         }
         Ok(())
@@ -173,18 +177,42 @@ impl<'a> Tiles<'a> {
         self.plan.profiles(&near.positions, monitor)
     }
 
+    /// The places of an attempt, in the same order, divided into those that share an extractor: those of the first attempt
+    /// do; of the others, which are few, those that are not farther apart than the margin is wide.
+    fn near_each_other<'p>(&self, places: &'p [u32], attempt: u32) -> Vec<&'p [u32]> {
+        if attempt == 0 {
+            return vec![places];
+        }
+        let Margin { level, voxels } = self.margin(attempt);
+        let most = (self.sorted.grid.size * f64::from(1u32 << level) * f64::from(voxels)) as f32;
+        let at = |place: u32| self.sorted.points.positions.xyz(place as usize);
+        let mut groups = Vec::new();
+        let mut rest = places;
+        while let Some(&first) = rest.first() {
+            let is_near = |&&place: &&u32| (0..2).all(|a| (at(place)[a] - at(first)[a]).abs() <= most);
+            let (near, others) = rest.split_at(rest.iter().take_while(is_near).count());
+            groups.push(near);
+            rest = others;
+        }
+        groups
+    }
+
+    /// The margin of attempt number `attempt`, from 0: 4^attempt times as wide as the first.
+    fn margin(&self, attempt: u32) -> Margin {
+        let columns = (4.0 * self.plan.set.pyramid.column_radius).ceil() as u32;
+        let voxels = MARGIN.max(columns).saturating_mul(4u32.saturating_pow(attempt));
+        Margin { level: self.fine.saturating_sub(1), voxels }
+    }
+
     /// Prepares the fine levels around the points at these positions (ascending); row r of its blocks belongs to
-    /// `places[r]`. Attempt number `attempt`, from 0, has a margin 4^attempt times as wide.
+    /// `places[r]`.
     ///
     /// # Errors
     /// If the work was cancelled.
     fn extractor(&self, places: &[u32], attempt: u32, monitor: &Monitor) -> Result<Extractor<'_>> {
         let mut stages = Vec::new();
         if self.fine > 0 {
-            let columns = (4.0 * self.plan.set.pyramid.column_radius).ceil() as u32;
-            let voxels = MARGIN.max(columns).saturating_mul(4u32.saturating_pow(attempt));
-            let margin = Margin { level: self.fine - 1, voxels };
-            let (region, held) = Region::around(&self.sorted, places, margin, monitor)?;
+            let (region, held) = Region::around(&self.sorted, places, self.margin(attempt), monitor)?;
             let held = self.sorted.points.positions.select(&held, monitor)?;
             stages =
                 self.plan.stages(0, build_levels(&held, &self.sorted.grid, self.fine, monitor)?, region, monitor)?;
@@ -307,6 +335,31 @@ mod tests {
         };
         tiles.each(|point| point % 3 > 0, &monitor, describe).unwrap();
         assert!(seen == (0..cloud.len()).filter(|p| p % 3 > 0).count() && again > 0, "{seen} {again}");
+    }
+
+    #[test]
+    fn places_of_a_further_attempt_share_an_extractor_only_if_they_are_near_each_other() {
+        let mut s = stream(5, 3);
+        let rows: Vec<[f64; 3]> = (0..9000).map(|_| [400.0, 300.0, 2.0].map(|edge| s.uniform() * edge)).collect();
+        let cloud = Cloud::from_rows(&rows).unwrap();
+        let mut set = FeatureSet::default();
+        (set.pyramid.levels, set.pyramid.first_scale) = (Some(3), Some(0.5));
+        let monitor = Monitor::default();
+        let scene = MetricCloud::new(&cloud, None, &monitor).unwrap();
+        let planned = Planned::new(&scene, &set, Wanted::All, &monitor).unwrap();
+        let tiles = Tiles::with_parts(planned, 2000, &monitor).unwrap();
+        let Margin { level, voxels } = tiles.margin(1);
+        let width = 0.5 * f64::from(1u32 << level) * f64::from(voxels);
+        assert!(tiles.fine > 0 && tiles.margin(0).voxels * 4 == voxels && width < 300.0, "{width}");
+        let places: Vec<u32> = (0..9000).step_by(40).collect();
+        assert_eq!(tiles.near_each_other(&places, 0), [&places[..]]);
+        let groups = tiles.near_each_other(&places, 1);
+        assert!(groups.len() > 1 && groups.concat() == places);
+        for group in groups {
+            let at = |i: usize| tiles.sorted.points.positions.xyz(group[i] as usize);
+            let apart = |i: usize| (0..2).map(|a| (at(i)[a] - at(0)[a]).abs()).fold(0.0, f32::max);
+            assert!((0..group.len()).all(|i| f64::from(apart(i)) <= width));
+        }
     }
 
     #[test]

@@ -11,6 +11,12 @@ pub(in crate::features) struct Region {
     high: [f64; 3],
     /// Largest rounding error of a coordinate in `f32`.
     rounding: f64,
+    /// The box in plan of the points around which it lies.
+    queries: PlanBox<f32>,
+    /// Mean distance between the points in the region in plan, metres.
+    spacing: f64,
+    /// Voxels of the margin.
+    margin: u32,
 }
 
 /// The width of the margin around the points of a part.
@@ -38,14 +44,14 @@ impl Region {
         let Sorted { points, grid, cells, .. } = sorted;
         let Margin { level, voxels: margin } = margin;
         let axis = |v: f32| grid.cell([v; 3])[0] >> level;
-        let (mut low, mut high) = ([u32::MAX; 2], [0; 2]);
+        let mut queries = PlanBox { low: [f32::MAX; 2], high: [f32::MIN; 2] };
         let mut looks = Looks::at(monitor);
         for &place in places {
             looks.step()?;
             let [x, y, _] = points.positions.xyz(place as usize);
-            let cell = [axis(x), axis(y)];
-            (low, high) = ([0, 1].map(|a| low[a].min(cell[a])), [0, 1].map(|a| high[a].max(cell[a])));
+            queries = queries.and([x, y]);
         }
+        let PlanBox { low, high } = queries.keyed(axis);
         let (low, high) = (low.map(|c| c.saturating_sub(margin)), high.map(|c| c.saturating_add(margin)));
         let held = sorted.places(&PlanBox { low, high }, axis, monitor)?;
         if held.len() == points.len() {
@@ -56,9 +62,18 @@ impl Region {
         let start = |a: usize| if low[a] <= first[a] { f64::NEG_INFINITY } else { f64::from(low[a]) * size };
         let end = |a: usize| if high[a] >= last[a] { f64::INFINITY } else { (f64::from(high[a]) + 1.0) * size };
         let far = f64::from(last.into_iter().max().unwrap_or_default()) * size + size;
+        let edge = |a: usize| f64::from(high[a].min(last[a]).saturating_sub(low[a].max(first[a])) + 1) * size;
+        let spacing = (edge(0) * edge(1) / held.len().max(1) as f64).sqrt();
         // All heights, for the column features.
         let (low, high) = ([start(0), start(1), f64::NEG_INFINITY], [end(0), end(1), f64::INFINITY]);
-        Ok((Some(Self { low, high, rounding: far * f64::from(f32::EPSILON) }), held))
+        let rounding = far * f64::from(f32::EPSILON);
+        Ok((Some(Self { low, high, rounding, queries, spacing, margin }), held))
+    }
+
+    /// The rectangle in which neighbours of the points around which the region lies are expected, on a level with voxels of
+    /// this size, metres: not farther than the voxels of the margin, or as many points.
+    pub(super) fn core(&self, size: f64) -> PlanBox<f32> {
+        self.queries.wider((f64::from(self.margin) * size.max(self.spacing)) as f32)
     }
 
     /// True if nothing outside the box can be as near to `at` as this squared distance. With `all` false, neighbours

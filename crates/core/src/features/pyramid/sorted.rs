@@ -70,7 +70,7 @@ impl Sorted {
 }
 
 /// A rectangle in plan, its border included.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PlanBox<T> {
     /// Least x and y.
     pub(super) low: [T; 2],
@@ -84,11 +84,17 @@ impl PlanBox<f32> {
         Self { low: [least(x), least(y)], high: [greatest(x), greatest(y)] }
     }
 
-    fn wider(self, by: f32) -> Self {
+    /// The box of these points and another one.
+    #[inline]
+    pub(super) fn and(self, at: [f32; 2]) -> Self {
+        Self { low: [0, 1].map(|a| self.low[a].min(at[a])), high: [0, 1].map(|a| self.high[a].max(at[a])) }
+    }
+
+    pub(super) fn wider(self, by: f32) -> Self {
         Self { low: self.low.map(|v| v - by), high: self.high.map(|v| v + by) }
     }
 
-    fn keyed<T>(&self, key: impl Fn(f32) -> T) -> PlanBox<T> {
+    pub(super) fn keyed<T>(&self, key: impl Fn(f32) -> T) -> PlanBox<T> {
         PlanBox { low: self.low.map(&key), high: self.high.map(&key) }
     }
 }
@@ -98,7 +104,8 @@ impl<T: Copy + PartialOrd> PlanBox<T> {
         (0..2).all(|a| self.low[a] <= other.high[a] && self.high[a] >= other.low[a])
     }
 
-    fn holds(&self, at: [T; 2]) -> bool {
+    #[inline(always)]
+    pub(super) fn holds(&self, at: [T; 2]) -> bool {
         (0..2).all(|a| at[a] >= self.low[a] && at[a] <= self.high[a])
     }
 }

@@ -1,6 +1,7 @@
 //! The first pass over a level: normal and surface variation of its points.
 
 use super::region::Region;
+use super::sorted::PlanBox;
 use super::{Queries, Scratch, SearchedLevel, fill};
 use crate::cloud::Positions;
 use crate::error::Result;
@@ -35,7 +36,8 @@ pub(super) fn unpacked_variation(packed: u16) -> f32 {
 }
 
 /// First pass: normal and surface variation of every point of the level from its k nearest on the level (itself
-/// included), and which of them may differ on the complete level.
+/// included), and which of them may differ on the complete level. Points beyond the [core](Region::core) of the region are
+/// among the latter: hardly any of them is needed.
 pub(in crate::features) fn surfaces(
     level: &Level,
     region: Option<&Region>,
@@ -52,8 +54,8 @@ pub(in crate::features) fn surfaces(
         };
         let mut packed = vec![[0; 4]; range.len()];
         let mut open = vec![false; if region.is_some() { range.len() } else { 0 }];
-        let part = region.map(|region| (region, &mut open[..]));
-        Arch::new().dispatch(Pack { level, points: &points, params: &params, packed: &mut packed, open: part });
+        let part = region.map(|region| InPart { region, core: region.core(level.size), open: &mut open });
+        Arch::new().dispatch(Pack { level, points: &points, params: &params, packed: &mut packed, part });
         Ok((packed, open))
     })?;
     let (mut packed, mut open) = (Vec::new(), Vec::new());
@@ -72,8 +74,28 @@ struct Pack<'a> {
     points: &'a Positions,
     params: &'a PyramidParams,
     packed: &'a mut [Packed],
-    /// The region in which the level is complete, and a flag for points whose neighbours may lie outside.
-    open: Option<(&'a Region, &'a mut [bool])>,
+    part: Option<InPart<'a>>,
+}
+
+/// What is known of a level that is complete in a region only.
+struct InPart<'a> {
+    region: &'a Region,
+    core: PlanBox<f32>,
+    /// Of each point whether its neighbours may lie outside the region.
+    open: &'a mut [bool],
+}
+
+impl InPart<'_> {
+    /// Whether none of some points is needed; they are open then.
+    #[inline(always)]
+    fn skips(&mut self, points: &Positions, lanes: &Range<usize>) -> bool {
+        let is_needed = |i: usize| self.core.holds([points.x[i], points.y[i]]);
+        let skips = !lanes.clone().any(is_needed);
+        if skips {
+            self.open[lanes.clone()].fill(true);
+        }
+        skips
+    }
 }
 
 impl WithSimd for Pack<'_> {
@@ -87,14 +109,17 @@ impl WithSimd for Pack<'_> {
 
 #[inline(always)]
 fn pack_all<S: Simd>(simd: S, work: Pack<'_>) {
-    let Pack { level, points, params, packed, mut open } = work;
+    let Pack { level, points, params, packed, mut part } = work;
     let mut scratch = Scratch::default();
     let convention = Convention { centre: params.centre, divisor: params.divisor };
     for first in (0..points.len()).step_by(LANES) {
         let lanes = first..(first + LANES).min(points.len());
+        if part.as_mut().is_some_and(|part| part.skips(points, &lanes)) {
+            continue;
+        }
         let source = SearchedLevel { level, packed: &[], params };
         let count = fill(simd, source, Queries { points, lanes: lanes.clone() }, &mut scratch);
-        if let Some((region, open)) = &mut open {
+        if let Some(InPart { region, open, .. }) = &mut part {
             let all = count == params.k.min(MOST - 1);
             for (l, i) in lanes.clone().enumerate() {
                 let at = points.xyz(i);

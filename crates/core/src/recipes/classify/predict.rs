@@ -369,7 +369,7 @@ impl<'a> CloudPredictor<'a> {
                 };
                 let loose = self.all_blocks(&part, &mut sink, monitor)?;
                 if loose.is_empty() {
-                    // Done with this part: its context is dropped before anything of the next is built.
+                    // Most likely done with this part: its context is dropped before anything of the next is built.
                     around = None;
                 }
                 Ok(loose)
