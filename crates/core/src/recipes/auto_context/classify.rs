@@ -14,6 +14,9 @@ use crate::recipes::trained::Trained;
 use crate::terrain::filtered_heights;
 use crate::voxels::PlanarDensity;
 
+/// Points at most this high above the ground of the filter, metres, lie on it.
+const LYING: f32 = 0.5;
+
 /// Height of each point of the cloud above the ground; NaN for stray points.
 pub(super) fn heights(
     scene: &MetricCloud<'_>,
@@ -42,6 +45,10 @@ pub(super) fn classify(recipe: &AutoContextRecipe, job: &Job<'_>, monitor: &Moni
     let codes = model.classes.codes();
     let context = ContextColumns { probabilities: &first.probabilities, params: &recipe.context, codes: &codes };
     let candidates = if recipe.classes.cars.points > 0 { Candidates::to_rate(model, &heights)? } else { None };
+    let lying = match recipe.features.height {
+        true => heights.iter().map(|&height| height <= LYING).collect(),
+        false => Vec::new(),
+    };
     let mut cars = vec![0.0; if candidates.is_some() { scene.cloud.len() } else { 0 }];
     let second = rated.second(&scene, model.stage(), context, monitor)?.with_candidates(candidates);
     if job.regularise.method == Regularise::None {
@@ -53,14 +60,14 @@ pub(super) fn classify(recipe: &AutoContextRecipe, job: &Job<'_>, monitor: &Moni
         let own = second.run(place, monitor)?;
         result.take_density(density);
         result.warnings = job.warnings(result.density, monitor)?;
-        return Ok(Classified { cars, returns_falling, ..result }.compared(fit.or(own.shares())));
+        return Ok(Classified { cars, lying, returns_falling, ..result }.compared(fit.or(own.shares())));
     }
     let points = job.scene.points(monitor)?;
     let found = second.of_points(&points.frame.rows(scene.cloud.len()), points.len(), monitor)?;
     points.frame.index.iter().zip(&found.cars).for_each(|(&point, &car)| cars[point as usize] = car);
     let given = Probabilities { values: &found.probabilities, classes: codes.len() };
     let labels = regularise(&points.positions, given, job.regularise, monitor)?;
-    Ok(Classified { cars, returns_falling, ..job.decided(&points, &labels, monitor)? }.compared(fit))
+    Ok(Classified { cars, lying, returns_falling, ..job.decided(&points, &labels, monitor)? }.compared(fit))
 }
 
 /// What the first stage of a model says about each point of a cloud with heights, and the features of the cloud, for the

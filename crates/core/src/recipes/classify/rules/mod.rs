@@ -6,6 +6,7 @@ mod cars;
 mod crossings;
 mod decks;
 mod level;
+mod lying;
 mod narrow;
 mod plan;
 mod raised;
@@ -30,11 +31,13 @@ use crate::voxels::rows::RowGrid;
 use cars::Named;
 use crossings::{Crossing, crossings};
 use level::LevelRows;
+use lying::{Filtered, lying_buildings};
 use narrow::narrow;
 pub(in crate::recipes) use plan::plan_cell;
 use raised::{Land, raised};
 use serde::{Deserialize, Serialize};
 use spans::{Scan, Span, spans};
+use std::collections::HashSet;
 
 /// ASPRS codes.
 pub(in crate::recipes) const GROUND: u8 = 2;
@@ -96,7 +99,7 @@ pub struct ClassRules {
     /// building is as narrow. 0: neither. Only for models with the ASPRS classes 2 and 6.
     pub lowest_building: f64,
     /// Buildings (6) that are level with the ground around them become ground (hilltops) or unclassified (decks of short
-    /// bridges, terraces). Only for models with the ASPRS classes 2 and 6.
+    /// bridges, terraces); parts of them that lie on the ground of the ground filter are judged apart. Only for models with the ASPRS classes 2 and 6.
     pub level: LevelParams,
     /// Buildings (6) that are the deck of a long bridge, and ground (2) that is the deck of a bridge over land or stands above
     /// all ground around it, become unclassified. Only for models with the ASPRS classes 2 and 6.
@@ -351,7 +354,15 @@ impl ClassRules {
             }
             false => LevelRows::default(),
         };
-        let LevelRows { ground, unknown, enclosing, .. } = level;
+        let LevelRows { mut ground, unknown, enclosing, .. } = level;
+        if self.levels(classes) && !result.lying.is_empty() {
+            let known: HashSet<u32> = unknown.iter().chain(&enclosing).copied().collect();
+            let (codes, lying, density) = (&result.codes, &result.lying, result.density);
+            let scan = Filtered { points, codes, lying, density };
+            let codes = lying_buildings(&scan, self.level.cell, classes.free_code(), monitor)?;
+            let found = self.level.rows(points, &codes, density, monitor)?.ground;
+            ground.extend(found.into_iter().filter(|row| !known.contains(row)));
+        }
         let heights = match ground.is_empty() {
             true => heights,
             false => {
