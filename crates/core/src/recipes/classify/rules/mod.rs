@@ -99,7 +99,8 @@ pub struct ClassRules {
     /// building is as narrow. 0: neither. Only for models with the ASPRS classes 2 and 6.
     pub lowest_building: f64,
     /// Buildings (6) that are level with the ground around them become ground (hilltops) or unclassified (decks of short
-    /// bridges, terraces); parts of them that lie on the ground of the ground filter are judged apart. Only for models with the ASPRS classes 2 and 6.
+    /// bridges, terraces); parts of them that lie on the ground of the ground filter are judged apart. Only for models with the
+    /// ASPRS classes 2 and 6.
     pub level: LevelParams,
     /// Buildings (6) that are the deck of a long bridge, and ground (2) that is the deck of a bridge over land or stands above
     /// all ground around it, become unclassified. Only for models with the ASPRS classes 2 and 6.
