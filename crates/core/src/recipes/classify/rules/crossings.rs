@@ -3,7 +3,7 @@
 //!
 //! They keep their class, for culverts and steep dams look the same. Only a warning says where they are.
 
-use super::plan::{AXES, PlanRows, SPACINGS, block, cell_edge, each_cell, groups, length, pieces, quantile};
+use super::plan::{AXES, BLOCK, PlanRows, SPACINGS, block, cell_edge, each_cell, groups, length, pieces, quantile};
 use super::raised::Land;
 use super::{BUILDING, GROUND};
 use crate::error::Result;
@@ -50,8 +50,6 @@ const BETWEEN: [[i32; 2]; 12] =
 const STEP: f64 = 5.0;
 /// The next cell along a way is at most so many cells away along each axis.
 const SIDE: usize = STEP as usize - 1;
-/// Cells of a block.
-const BLOCK: usize = 4096;
 
 /// A level way across lower ground.
 #[derive(Clone, Copy, Debug, PartialEq)]

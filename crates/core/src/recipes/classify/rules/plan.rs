@@ -51,7 +51,7 @@ impl PlanRows {
 }
 
 /// Cells of a block.
-const BLOCK: usize = 4096;
+pub(super) const BLOCK: usize = 4096;
 
 /// What `find` finds at each of so many cells, in their order; in parallel.
 pub(super) fn each_cell<T: Send>(
