@@ -33,18 +33,40 @@ impl HeightParams {
     }
 }
 
-/// Height of every point above the ground, metres; negative below it. The ground is found by [`ground_points`], on each
+/// What the ground filter finds of a point.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PointAboveGround {
+    /// Its height above the ground, metres; negative below it.
+    pub height: f32,
+    /// Whether it is ground.
+    pub is_ground: bool,
+}
+
+/// Height of every point above the ground, and whether it is ground. The ground is found by [`ground_points`], on each
 /// site of a scattered cloud alone. O(n log n + cells).
 ///
 /// # Errors
 /// If there is no point, a parameter is out of range, or the work was cancelled.
-pub fn filtered_heights(points: &Points, params: &HeightParams, monitor: &Monitor) -> Result<Vec<f32>> {
+pub fn points_above_ground(points: &Points, params: &HeightParams, monitor: &Monitor) -> Result<Vec<PointAboveGround>> {
     params.validate()?;
     by_site(points, params.cell(), monitor, |site| {
-        let ground = ground_points(site, &params.filter, monitor)?;
-        let ground = Ground { points: site, is_ground: &ground, params: &params.elevation, holes: Holes::Nearest };
-        heights_above_surface(&ground, monitor)
+        let is_ground = ground_points(site, &params.filter, monitor)?;
+        let ground = Ground { points: site, is_ground: &is_ground, params: &params.elevation, holes: Holes::Nearest };
+        let heights = heights_above_surface(&ground, monitor)?;
+        Ok(heights
+            .into_iter()
+            .zip(is_ground)
+            .map(|(height, is_ground)| PointAboveGround { height, is_ground })
+            .collect())
     })
+}
+
+/// The heights of [`points_above_ground`].
+///
+/// # Errors
+/// As [`points_above_ground`].
+pub fn filtered_heights(points: &Points, params: &HeightParams, monitor: &Monitor) -> Result<Vec<f32>> {
+    Ok(points_above_ground(points, params, monitor)?.into_iter().map(|point| point.height).collect())
 }
 
 /// Height of every point above the points marked as ground, between which a membrane is stretched; a cloud without any has the

@@ -14,7 +14,7 @@ mod road;
 mod sites;
 mod smooth;
 
-pub use above_ground::{HeightParams, filtered_heights, heights_above};
+pub use above_ground::{HeightParams, PointAboveGround, filtered_heights, heights_above, points_above_ground};
 pub use alpha_shape::{AlphaParams, AlphaShape};
 pub use descriptors::{Ground, Terrain, TerrainParams, mask_of_classes, terrain};
 pub use elevation::{ElevationModel, ElevationParams};

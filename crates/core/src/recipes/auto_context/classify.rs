@@ -11,31 +11,41 @@ use crate::recipes::classify::{Classified, Job};
 use crate::recipes::regularise::{Probabilities, Regularise, regularise};
 use crate::recipes::system::System;
 use crate::recipes::trained::Trained;
-use crate::terrain::filtered_heights;
+use crate::terrain::{PointAboveGround, points_above_ground};
 use crate::voxels::PlanarDensity;
 
-/// Points at most this high above the ground of the filter, metres, lie on it.
-const LYING: f32 = 0.5;
+/// The points of a cloud above the ground of the ground filter.
+pub(super) struct AboveGround {
+    /// Metres; NaN for stray points.
+    pub(super) heights: Vec<f32>,
+    /// Whether each is ground itself; empty if the recipe has no heights.
+    pub(super) lying: Vec<bool>,
+}
 
-/// Height of each point of the cloud above the ground; NaN for stray points.
-pub(super) fn heights(
+/// What the ground filter finds, if the recipe has heights.
+pub(super) fn above_ground(
     scene: &MetricCloud<'_>,
     points: &Points,
     recipe: &AutoContextRecipe,
     monitor: &Monitor,
-) -> Result<Vec<f32>> {
+) -> Result<AboveGround> {
     let mut heights = vec![f32::NAN; scene.cloud.len()];
-    if recipe.features.height && !points.is_empty() {
-        let found = filtered_heights(points, &recipe.ground, monitor)?;
-        points.frame.index.iter().zip(found).for_each(|(&point, height)| heights[point as usize] = height);
+    if !recipe.features.height || points.is_empty() {
+        return Ok(AboveGround { heights, lying: Vec::new() });
     }
-    Ok(heights)
+    let mut lying = vec![false; heights.len()];
+    let found = points_above_ground(points, &recipe.ground, monitor)?;
+    for (&point, PointAboveGround { height, is_ground }) in points.frame.index.iter().zip(found) {
+        heights[point as usize] = height;
+        lying[point as usize] = is_ground;
+    }
+    Ok(AboveGround { heights, lying })
 }
 
 pub(super) fn classify(recipe: &AutoContextRecipe, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
     let model = job.model;
     let points = job.scene.points(monitor)?;
-    let heights = heights(job.scene, &points, recipe, monitor)?;
+    let AboveGround { heights, lying } = above_ground(job.scene, &points, recipe, monitor)?;
     let density = PlanarDensity::new(&points.positions, monitor)?;
     let returns_falling = falling(job.scene, &points, monitor)?;
     drop(points);
@@ -45,10 +55,6 @@ pub(super) fn classify(recipe: &AutoContextRecipe, job: &Job<'_>, monitor: &Moni
     let codes = model.classes.codes();
     let context = ContextColumns { probabilities: &first.probabilities, params: &recipe.context, codes: &codes };
     let candidates = if recipe.classes.cars.points > 0 { Candidates::to_rate(model, &heights)? } else { None };
-    let lying = match recipe.features.height {
-        true => heights.iter().map(|&height| height <= LYING).collect(),
-        false => Vec::new(),
-    };
     let mut cars = vec![0.0; if candidates.is_some() { scene.cloud.len() } else { 0 }];
     let second = rated.second(&scene, model.stage(), context, monitor)?.with_candidates(candidates);
     if job.regularise.method == Regularise::None {

@@ -1,7 +1,7 @@
 //! Training of both stages.
 
 use super::AutoContextRecipe;
-use super::classify::heights;
+use super::classify::above_ground;
 use super::folds::Squares;
 use super::report::AutoContextReport;
 use crate::classification::{
@@ -139,7 +139,7 @@ impl Preparation<'_> {
         let changed = squares.with_missing(scene, &self.recipe.columns())?;
         let cloud = changed.as_ref().unwrap_or(scene.cloud);
         let points = scene.points(monitor)?;
-        let heights = heights(scene, &points, self.recipe, monitor)?;
+        let heights = above_ground(scene, &points, self.recipe, monitor)?.heights;
         let scene = MetricCloud { cloud, heights: Some(&heights), ..scene.clone() };
         work(&Prepared { scene, points, squares })
     }

@@ -69,7 +69,7 @@ pub struct Classified {
     /// The probability of each point to be a car, 0..1; 0 for points that are not vegetation or building (3 to 6) before
     /// regularisation, or not 0.2 to 3 m above the ground of the ground filter. Empty if no cars are looked for.
     pub cars: Vec<f32>,
-    /// Whether each point is at most 0.5 m above the ground of the ground filter; empty if the recipe has no heights.
+    /// Whether each point is ground to the ground filter; empty if the recipe has no heights.
     pub lying: Vec<bool>,
     /// How the features compare with those of the training, if that was looked at.
     pub fit: Option<FeatureFit>,

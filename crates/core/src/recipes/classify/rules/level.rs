@@ -23,6 +23,10 @@ use std::collections::{BTreeMap, BTreeSet};
 /// pit, a quarry or a quay is flush with the land behind it and drops on the other side, while a roof is hardly flush with any
 /// ground but a part of itself that was named ground.
 ///
+/// What lies on the ground of the ground filter is judged apart. If the stages are not sure of such a component of 40 m² or
+/// more (mean confidence below 0.8), it is ground if more than a quarter of its pairs that are level or drop are level: slopes
+/// and terraces between houses have walls and hedges on most sides.
+///
 /// A component that drops, but also covers more than 0.75 of the outline of the scan, encloses it, and becomes unclassified: the
 /// rim of a pit that ends with the scan looks like the roofs around a courtyard. A building that is cut by the edge of a scan
 /// covers at most three quarters, unless it lies at all four sides.
@@ -60,6 +64,8 @@ impl Default for LevelParams {
 pub(super) struct LevelRows {
     /// Those that are ground.
     pub(super) ground: Vec<u32>,
+    /// Those that are ground because the stages are not sure of them.
+    pub(super) doubted: Vec<u32>,
     /// Those that may be a deck or a terrace.
     pub(super) unknown: Vec<u32>,
     /// Those that enclose the scan: roofs around a courtyard, or the rim of a pit.
@@ -84,8 +90,7 @@ impl LevelRows {
         Self {
             ground: [without(self.ground, &standing), without(later.ground, &found)].concat(),
             unknown: [without(self.unknown, &standing), without(later.unknown, &found)].concat(),
-            enclosing: later.enclosing,
-            standing: later.standing,
+            ..later
         }
     }
 }
@@ -98,6 +103,12 @@ const FLUSH: f64 = 0.15;
 const LAND: f64 = 1000.0;
 /// A component that covers more than this share of the outline of a scan encloses it.
 const ENCLOSING: f64 = 0.75;
+/// Components of less mean confidence are doubted,
+const SURE: f64 = 0.8;
+/// if they have this area, square metres;
+const PIECE: f64 = 40.0;
+/// they are ground if more than this share of their pairs that are level or drop are level.
+const DOUBTED: f64 = 0.25;
 /// Slope from which on a step is a wall.
 const STEEP: f64 = 1.0;
 /// Slope from which on cells of thin clouds are not of one roof.
@@ -190,12 +201,22 @@ impl Extent {
     }
 }
 
+/// A scan whose buildings are judged.
+#[derive(Clone, Copy)]
+pub(super) struct Judged<'a> {
+    pub(super) points: &'a Points,
+    /// A code for each point of the cloud.
+    pub(super) codes: &'a [u8],
+    /// The confidence in each of them, if buildings that the stages are not sure of are doubted; else empty.
+    pub(super) confidence: &'a [f32],
+    /// Points per square metre.
+    pub(super) density: f64,
+}
+
 /// The cells in plan that hold building or ground.
 struct Scene<'a> {
     params: &'a LevelParams,
-    points: &'a Points,
-    /// A code for each point of the cloud.
-    codes: &'a [u8],
+    scan: Judged<'a>,
     /// Rows of `points` that are building or ground.
     cells: PlanRows,
     /// Whether each cell holds building.
@@ -241,14 +262,14 @@ impl LevelParams {
         }
     }
 
-    /// The building points that are level with the ground around them. `codes` has an entry a point of the cloud; `density`
-    /// is in points per square metre. O(n).
-    pub(super) fn rows(&self, points: &Points, codes: &[u8], density: f64, monitor: &Monitor) -> Result<LevelRows> {
+    /// The building points that are level with the ground around them. O(n).
+    pub(super) fn rows(&self, scan: &Judged<'_>, monitor: &Monitor) -> Result<LevelRows> {
+        let Judged { points, codes, density, .. } = *scan;
         let code = |row: u32| codes[points.frame.index[row as usize] as usize];
         let used: Vec<u32> = (0..points.len() as u32).filter(|&row| matches!(code(row), BUILDING | GROUND)).collect();
         let edge = cell_edge(self.cell, SPACINGS, density);
         let cells = PlanRows::new(points, used, edge, monitor)?;
-        let mut scene = Scene { params: self, points, codes, cells, building: Vec::new(), edge };
+        let mut scene = Scene { params: self, scan: *scan, cells, building: Vec::new(), edge };
         scene.building = (0..scene.cells.len()).map(|cell| scene.buildings(cell).next().is_some()).collect();
         scene.found(monitor)
     }
@@ -265,19 +286,24 @@ impl Scene<'_> {
         self.cells.of(cell).iter().copied()
     }
 
+    /// The point of the cloud that a row is.
+    fn point(&self, row: u32) -> usize {
+        self.scan.points.frame.index[row as usize] as usize
+    }
+
     /// The rows of a cell that are building.
     fn buildings(&self, cell: usize) -> impl Iterator<Item = u32> {
-        self.rows(cell).filter(|&row| self.codes[self.points.frame.index[row as usize] as usize] == BUILDING)
+        self.rows(cell).filter(|&row| self.scan.codes[self.point(row)] == BUILDING)
     }
 
     /// The rows of a cell that are ground.
     fn grounds(&self, cell: usize) -> impl Iterator<Item = u32> {
-        self.rows(cell).filter(|&row| self.codes[self.points.frame.index[row as usize] as usize] == GROUND)
+        self.rows(cell).filter(|&row| self.scan.codes[self.point(row)] == GROUND)
     }
 
     /// Some of these points.
     fn sample(&self, rows: impl Iterator<Item = u32>, lowest: f32) -> Vec<[f32; 3]> {
-        let places = rows.map(|row| self.points.positions.xyz(row as usize));
+        let places = rows.map(|row| self.scan.points.positions.xyz(row as usize));
         let all: Vec<[f32; 3]> = places.filter(|[_, _, z]| *z >= lowest).collect();
         let stride = all.len().div_ceil(SAMPLES).max(1);
         all.into_iter().step_by(stride).collect()
@@ -295,7 +321,7 @@ impl Scene<'_> {
 
     /// Whether the ground of each cell belongs to a piece of [`LAND`] that can be walked over without a step. There must be cells.
     fn land(&self, monitor: &Monitor) -> Result<Vec<bool>> {
-        let z = |row: u32| f64::from(self.points.positions.z[row as usize]);
+        let z = |row: u32| f64::from(self.scan.points.positions.z[row as usize]);
         let lowest: Vec<f64> =
             (0..self.cells.len()).map(|cell| self.grounds(cell).map(z).fold(f64::INFINITY, f64::min)).collect();
         let step = self.params.step.max(self.params.slope * self.edge);
@@ -319,36 +345,64 @@ impl Scene<'_> {
 
     /// The height of the highest building point of a cell.
     fn highest(&self, cell: usize) -> f32 {
-        self.buildings(cell).map(|row| self.points.positions.z[row as usize]).fold(f32::MIN, f32::max)
+        self.buildings(cell).map(|row| self.scan.points.positions.z[row as usize]).fold(f32::MIN, f32::max)
     }
 
     fn found(&self, monitor: &Monitor) -> Result<LevelRows> {
         let mut components = UnionFind::new(self.building.len());
         let pairs = self.pairs(&mut components, monitor)?;
         let enclosing = self.enclosing(&mut components, monitor)?;
+        let doubted = self.doubted(&mut components);
         let mut found = LevelRows::default();
         for cell in (0..self.building.len()).filter(|&cell| self.building[cell]) {
             let root = components.root(cell as u32);
             let pairs = pairs[&root];
             let least = self.params.pairs.max(1);
-            if pairs.drop as usize >= least && !pairs.is_level(self.params) {
+            let doubted = doubted.contains(&root) && pairs.exceed(pairs.level, DOUBTED);
+            let level = doubted || pairs.is_level(self.params);
+            if pairs.drop as usize >= least && !level {
                 let list = if enclosing.contains(&root) { &mut found.enclosing } else { &mut found.standing };
                 list.extend(self.buildings(cell));
             }
-            if (pairs.level as usize) < least || !pairs.is_level(self.params) {
+            if (pairs.level as usize) < least || !level {
                 continue;
             }
             let ground = pairs.exceed(pairs.level, self.params.ground);
-            let z = |row: u32| self.points.positions.z[row as usize];
+            let z = |row: u32| self.scan.points.positions.z[row as usize];
             let lowest = self.buildings(cell).map(z).fold(f32::MAX, f32::min);
             for row in self.buildings(cell) {
                 // Wires above a hilltop are part of its component.
                 let low = f64::from(z(row) - lowest) <= self.params.drop;
-                let list = if low && ground { &mut found.ground } else { &mut found.unknown };
+                let list = match (low && ground, low && doubted) {
+                    (true, _) => &mut found.ground,
+                    (false, true) => &mut found.doubted,
+                    (false, false) => &mut found.unknown,
+                };
                 list.push(row);
             }
         }
         Ok(found)
+    }
+
+    /// The roots of the components that are large and of low confidence.
+    fn doubted(&self, components: &mut UnionFind) -> BTreeSet<u32> {
+        let confidence = self.scan.confidence;
+        if confidence.is_empty() {
+            return BTreeSet::new();
+        }
+        // Cells, points, and the sum of their confidence.
+        let mut sums = BTreeMap::<u32, [f64; 3]>::new();
+        for cell in (0..self.building.len()).filter(|&cell| self.building[cell]) {
+            let [cells, points, sum] = sums.entry(components.root(cell as u32)).or_default();
+            *cells += 1.0;
+            for row in self.buildings(cell) {
+                *points += 1.0;
+                *sum += f64::from(confidence[self.point(row)]);
+            }
+        }
+        let area = self.edge.powi(2);
+        let doubted = |[cells, points, sum]: [f64; 3]| cells * area >= PIECE && sum < SURE * points;
+        sums.into_iter().filter(|&(_, sums)| doubted(sums)).map(|(root, _)| root).collect()
     }
 
     /// The roots of the components that enclose the scan.
@@ -361,7 +415,7 @@ impl Scene<'_> {
         if !extents.values().any(|extent| extent.spans(&all)) {
             return Ok(BTreeSet::new());
         }
-        let outline = outline(self.points, self.edge, monitor)?;
+        let outline = outline(self.scan.points, self.edge, monitor)?;
         let mut covered = BTreeMap::<u32, usize>::new();
         for key in &outline {
             if let Some(cell) = self.cells.index.find(*key).filter(|&cell| self.building[cell]) {
@@ -425,9 +479,14 @@ mod tests {
         (Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0), codes)
     }
 
+    /// What these parameters find with so many points per square metre.
+    fn found_by(params: &LevelParams, (points, codes): &(Points, Vec<u8>), density: f64) -> LevelRows {
+        params.rows(&Judged { points, codes, confidence: &[], density }, &Monitor::default()).unwrap()
+    }
+
     /// Numbers of points that become ground and that become unclassified.
     fn found(scene: &(Points, Vec<u8>)) -> [usize; 2] {
-        let rows = LevelParams::default().rows(&scene.0, &scene.1, 4.0, &Monitor::default()).unwrap();
+        let rows = found_by(&LevelParams::default(), scene, 4.0);
         [rows.ground.len(), rows.unknown.len()]
     }
 
@@ -461,7 +520,7 @@ mod tests {
         let brinks = scene(|x, _| cutting(x), brink);
         assert_eq!(found(&brinks), [0, named(&brinks)]);
         let by_share = LevelParams { flush: 1.0, ..LevelParams::default() };
-        let rows = by_share.rows(&brinks.0, &brinks.1, 4.0, &Monitor::default()).unwrap();
+        let rows = found_by(&by_share, &brinks, 4.0);
         assert_eq!([rows.ground.len(), rows.unknown.len()], [0, 0]);
         // A flat roof of which a part was named ground.
         let hall = |x: f64, y: f64| inside(x, [10.0, 50.0]) && inside(y, [5.0, 35.0]);
@@ -474,7 +533,7 @@ mod tests {
             scene(|_, _| -8.0, move |x, y| (!inside(x, y)).then_some(0.0))
         };
         let of_kinds = |scene: &(Points, Vec<u8>)| {
-            let rows = LevelParams::default().rows(&scene.0, &scene.1, 4.0, &Monitor::default()).unwrap();
+            let rows = found_by(&LevelParams::default(), scene, 4.0);
             [rows.enclosing.len(), rows.standing.len()]
         };
         let closed = roofs([[12.0, 48.0], [10.0, 30.0]]);
@@ -482,7 +541,7 @@ mod tests {
         let corner = roofs([[12.0, 61.0], [-1.0, 30.0]]);
         assert_eq!(of_kinds(&corner), [0, named(&corner)]);
         // With every pair level it takes more than a share of 1.
-        let none = LevelParams::none().rows(&bridge.0, &bridge.1, 4.0, &Monitor::default()).unwrap();
+        let none = found_by(&LevelParams::none(), &bridge, 4.0);
         assert!(none.ground.is_empty() && none.unknown.is_empty());
     }
 
@@ -503,6 +562,28 @@ mod tests {
         );
     }
 
+    #[test]
+    fn a_terrace_that_the_stages_are_not_sure_of_is_ground_and_a_canopy_is_none() {
+        // Terraces, 10 m wide, of which each is 3 m higher; 8 x 12 m, cut by the upper wall or not, were named building.
+        let terrace = |x: f64| 3.0 * (x / 10.0).floor();
+        let within = |x: f64, y: f64, left: f64| x > left && x < left + 8.0 && y > 14.0 && y < 26.0;
+        let patch = |left: f64, raised: f64| {
+            scene(|x, _| terrace(x), move |x, y| within(x, y, left).then_some(terrace(x) + raised))
+        };
+        let ground = |(points, codes): &(Points, Vec<u8>), confidence: f32| {
+            let confidence = vec![confidence; codes.len()];
+            let scan = Judged { points, codes, confidence: &confidence, density: 4.0 };
+            let rows = LevelParams::default().rows(&scan, &Monitor::default()).unwrap();
+            (rows.ground.len() + rows.doubted.len()) as f64
+                / codes.iter().filter(|&&code| code == BUILDING).count() as f64
+        };
+        // At the lower brink: the ground below drops along one of the long sides.
+        let brink = patch(30.0, 0.0);
+        assert_eq!([0.5, 0.79, 0.81, 1.0].map(|confidence| ground(&brink, confidence)), [1.0, 1.0, 0.0, 0.0]);
+        // A canopy drops on all sides.
+        assert_eq!(ground(&patch(31.0, 4.0), 0.5), 0.0);
+    }
+
     /// A row of the ground, 0.35 points a square metre, and on it an embankment, 6 m high and 10 m wide at the top, or a house
     /// of that width; only the top is named building.
     fn thin(foot: f64) -> (Points, Vec<u8>) {
@@ -519,7 +600,7 @@ mod tests {
     fn the_top_of_an_embankment_in_a_thin_cloud_is_ground_and_a_long_house_is_none() {
         let found = |foot: f64| {
             let scene = thin(foot);
-            let rows = LevelParams::default().rows(&scene.0, &scene.1, 0.35, &Monitor::default()).unwrap();
+            let rows = found_by(&LevelParams::default(), &scene, 0.35);
             let named = scene.1.iter().filter(|&&code| code == BUILDING).count();
             (rows.ground.len(), rows.unknown.len(), named)
         };

@@ -30,7 +30,7 @@ use crate::voxels::cells::Cells;
 use crate::voxels::rows::RowGrid;
 use cars::Named;
 use crossings::{Crossing, crossings};
-use level::LevelRows;
+use level::{Judged, LevelRows};
 use lying::{Filtered, lying_buildings};
 use narrow::narrow;
 pub(in crate::recipes) use plan::plan_cell;
@@ -347,7 +347,9 @@ impl ClassRules {
         let heights = self.by_height(result, &standing, monitor)?;
         let level = match self.levels(classes) {
             true => {
-                let found = |rule: &LevelParams, codes: &[u8]| rule.rows(points, codes, result.density, monitor);
+                let found = |rule: &LevelParams, codes: &[u8]| {
+                    rule.rows(&Judged { points, codes, confidence: &[], density: result.density }, monitor)
+                };
                 // Ground that was named building joins the houses beside it to the ground, and is flush with it, until it is
                 // ground again.
                 let before = LevelParams { flush: 1.0, ..self.level.clone() };
@@ -355,14 +357,16 @@ impl ClassRules {
             }
             false => LevelRows::default(),
         };
-        let LevelRows { mut ground, unknown, enclosing, .. } = level;
+        let LevelRows { mut ground, mut doubted, unknown, enclosing, .. } = level;
         if self.levels(classes) && !result.lying.is_empty() {
             let known: HashSet<u32> = unknown.iter().chain(&enclosing).copied().collect();
             let (codes, lying, density) = (&result.codes, &result.lying, result.density);
             let scan = Filtered { points, codes, lying, density };
             let codes = lying_buildings(&scan, self.level.cell, classes.free_code(), monitor)?;
-            let found = self.level.rows(points, &codes, density, monitor)?.ground;
-            ground.extend(found.into_iter().filter(|row| !known.contains(row)));
+            let scan = Judged { points, codes: &codes, confidence: &result.confidence, density };
+            let found = self.level.rows(&scan, monitor)?;
+            ground.extend(found.ground.into_iter().filter(|row| !known.contains(row)));
+            doubted.extend(found.doubted.into_iter().filter(|row| !known.contains(row)));
         }
         let heights = match ground.is_empty() {
             true => heights,
@@ -373,6 +377,11 @@ impl ClassRules {
                 self.by_height(result, &standing, monitor)?
             }
         };
+        // After the heights: what is not ground after all must not lower the roof around it.
+        for row in doubted {
+            let code = &mut result.codes[index[row as usize] as usize];
+            *code = if *code == BUILDING { GROUND } else { *code };
+        }
         if !enclosing.is_empty() {
             result.warnings.push(format!(
                 "{} points that look like roofs enclose the scan, and may as well be the land around a pit: they have no class; a \
