@@ -1,9 +1,10 @@
-//! Buildings that lie on the ground of the ground filter: slopes, embankments and terraces that the stages take for roofs.
+//! What lies on the ground of the ground filter: slopes, embankments and terraces that the stages take for roofs, or for low
+//! vegetation.
 //!
-//! Where they touch houses they are one component with these, which stands above the ground; so they are judged apart.
+//! Where such roofs touch houses they are one component with these, which stands above the ground; so they are judged apart.
 
-use super::BUILDING;
-use super::plan::{PlanRows, SPACINGS, cell_edge};
+use super::plan::{PlanRows, SPACINGS, block, cell_edge, groups};
+use super::{BUILDING, HIGH, LOW};
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::parallel::Monitor;
@@ -13,28 +14,78 @@ pub(super) struct Filtered<'a> {
     pub(super) points: &'a Points,
     /// A code for each point of the cloud.
     pub(super) codes: &'a [u8],
+    /// The confidence in each of them.
+    pub(super) confidence: &'a [f32],
     /// Whether each point of the cloud lies on the ground of the filter.
     pub(super) lying: &'a [bool],
     /// Points per square metre.
     pub(super) density: f64,
 }
 
-/// The codes, with `free` in place of buildings that do not lie on the ground of the filter. Cells of `edge` metres in which
-/// most building points stand above it are those of a wall, whose foot lies on the ground. O(n).
+/// Vegetation that lies on the ground of the filter is ground in pieces of less mean confidence
+const SURE: f64 = 0.7;
+/// and of this area, square metres.
+const PIECE: f64 = 10.0;
+
+/// The points with some classes, by cells in plan.
+struct LyingCells<'a> {
+    scan: &'a Filtered<'a>,
+    cells: PlanRows,
+    /// Edge of a cell, metres.
+    edge: f64,
+}
+
+impl<'a> LyingCells<'a> {
+    /// Of the points with these codes, in cells of at least `edge` metres.
+    fn new(scan: &'a Filtered<'_>, has: impl Fn(u8) -> bool, edge: f64, monitor: &Monitor) -> Result<Self> {
+        let edge = cell_edge(edge, SPACINGS, scan.density);
+        let used = (0..scan.points.len() as u32).filter(|&row| has(scan.codes[scan.point(row)])).collect();
+        Ok(Self { scan, cells: PlanRows::new(scan.points, used, edge, monitor)?, edge })
+    }
+
+    /// The rows of a cell that lie on the ground of the filter.
+    fn of(&self, cell: usize) -> impl Iterator<Item = u32> {
+        self.cells.of(cell).iter().copied().filter(|&row| self.scan.lying[self.scan.point(row)])
+    }
+
+    /// Whether they are half of the rows of a cell at least; in others stands a wall or a bush, whose foot lies on the ground.
+    fn lies(&self, cell: usize) -> bool {
+        2 * self.of(cell).count() >= self.cells.of(cell).len()
+    }
+}
+
+impl Filtered<'_> {
+    fn point(&self, row: u32) -> usize {
+        self.points.frame.index[row as usize] as usize
+    }
+}
+
+/// The codes, with `free` in place of buildings that do not lie on the ground of the filter, or in a cell of `edge` metres of
+/// which most do not. O(n).
 pub(super) fn lying_buildings(scan: &Filtered<'_>, edge: f64, free: u8, monitor: &Monitor) -> Result<Vec<u8>> {
-    let Filtered { points, codes, lying, density } = *scan;
-    let point = |row: u32| points.frame.index[row as usize] as usize;
-    let used = (0..points.len() as u32).filter(|&row| codes[point(row)] == BUILDING).collect();
-    let cells = PlanRows::new(points, used, cell_edge(edge, SPACINGS, density), monitor)?;
-    let mut left: Vec<u8> = codes.iter().map(|&code| if code == BUILDING { free } else { code }).collect();
-    for cell in 0..cells.len() {
-        let rows = cells.of(cell);
-        let found = || rows.iter().filter(|&&row| lying[point(row)]);
-        if 2 * found().count() >= rows.len() {
-            found().for_each(|&row| left[point(row)] = BUILDING);
-        }
+    let found = LyingCells::new(scan, |code| code == BUILDING, edge, monitor)?;
+    let mut left: Vec<u8> = scan.codes.iter().map(|&code| if code == BUILDING { free } else { code }).collect();
+    for cell in (0..found.cells.len()).filter(|&cell| found.lies(cell)) {
+        found.of(cell).for_each(|row| left[scan.point(row)] = BUILDING);
     }
     Ok(left)
+}
+
+/// The rows of vegetation on the ground of the filter of which the stages are not sure, in pieces of cells of `edge` metres.
+/// O(n).
+pub(super) fn doubted_vegetation(scan: &Filtered<'_>, edge: f64, monitor: &Monitor) -> Result<Vec<u32>> {
+    let found = LyingCells::new(scan, |code| (LOW..=HIGH).contains(&code), edge, monitor)?;
+    let lies: Vec<bool> = (0..found.cells.len()).map(|cell| found.lies(cell)).collect();
+    let index = &found.cells.index;
+    let near = |cell: usize| block(index.keys()[cell], 1).filter_map(|key| index.find(key)).filter(|&near| lies[near]);
+    let all = (0..lies.len()).filter(|&cell| lies[cell]).collect();
+    let doubted = |piece: &Vec<usize>| {
+        let rows = || piece.iter().flat_map(|&cell| found.of(cell));
+        let sum: f64 = rows().map(|row| f64::from(scan.confidence[scan.point(row)])).sum();
+        piece.len() as f64 * found.edge.powi(2) >= PIECE && sum < SURE * rows().count() as f64
+    };
+    let pieces = groups(all, near, monitor)?.into_iter().filter(doubted);
+    Ok(pieces.flatten().flat_map(|cell| found.of(cell)).collect())
 }
 
 #[cfg(test)]
@@ -56,9 +107,34 @@ mod tests {
         let points = points(&[rows, slope].concat());
         let lying = [true, false, false, false, true, true, true, false];
         let codes = [6, 6, 6, 6, 6, 6, 2, 6];
-        let scan = Filtered { points: &points, codes: &codes, lying: &lying, density: 4.0 };
+        let scan = Filtered { points: &points, codes: &codes, confidence: &[0.9; 8], lying: &lying, density: 4.0 };
         let left = lying_buildings(&scan, 1.0, 1, &Monitor::default()).unwrap();
         assert_eq!(left, [1, 1, 1, 1, 6, 6, 2, 1]);
+    }
+
+    #[test]
+    fn low_vegetation_that_the_stages_are_not_sure_of_is_ground() {
+        // A field, 4 points per square metre, with vegetation in 3 x 4 m, and a bush in other 3 x 4 m.
+        let rows: Vec<[f64; 3]> =
+            (0..1600).map(|i| [f64::from(i % 40) / 2.0 + 0.2, f64::from(i / 40) / 2.0 + 0.2, 0.0]).collect();
+        let within = |[x, y, _]: &[f64; 3], left: f64| *x > left && *x < left + 3.0 && *y > 4.0 && *y < 8.0;
+        let points = points(&rows);
+        let codes: Vec<u8> = rows.iter().map(|p| if within(p, 4.0) || within(p, 12.0) { HIGH } else { 2 }).collect();
+        let lying: Vec<bool> = rows.iter().map(|p| !within(p, 12.0)).collect();
+        let found = |confidence: f32| {
+            let confidence = vec![confidence; rows.len()];
+            let scan =
+                Filtered { points: &points, codes: &codes, confidence: &confidence, lying: &lying, density: 4.0 };
+            let mut found: Vec<usize> = doubted_vegetation(&scan, 1.0, &Monitor::default())
+                .unwrap()
+                .into_iter()
+                .map(|row| scan.point(row))
+                .collect();
+            found.sort_unstable();
+            found
+        };
+        let patch: Vec<usize> = (0..rows.len()).filter(|&i| within(&rows[i], 4.0)).collect();
+        assert_eq!((found(0.69), found(0.71)), (patch, Vec::new()));
     }
 
     /// Shares of the ramps and of the deck that are ground, by the rules. A road on an embankment crosses another one; its

@@ -31,7 +31,7 @@ use crate::voxels::rows::RowGrid;
 use cars::Named;
 use crossings::{Crossing, crossings};
 use level::{Judged, LevelRows};
-use lying::{Filtered, lying_buildings};
+use lying::{Filtered, doubted_vegetation, lying_buildings};
 use narrow::narrow;
 pub(in crate::recipes) use plan::plan_cell;
 use raised::{Land, raised};
@@ -357,16 +357,17 @@ impl ClassRules {
             }
             false => LevelRows::default(),
         };
-        let LevelRows { mut ground, mut doubted, unknown, enclosing, .. } = level;
+        let LevelRows { mut ground, unknown, enclosing, .. } = level;
+        let mut doubted = Vec::new();
         if self.levels(classes) && !result.lying.is_empty() {
             let known: HashSet<u32> = unknown.iter().chain(&enclosing).copied().collect();
-            let (codes, lying, density) = (&result.codes, &result.lying, result.density);
-            let scan = Filtered { points, codes, lying, density };
+            let Classified { codes, confidence, lying, density, .. } = &*result;
+            let scan = Filtered { points, codes, confidence, lying, density: *density };
             let codes = lying_buildings(&scan, self.level.cell, classes.free_code(), monitor)?;
-            let scan = Judged { points, codes: &codes, confidence: &result.confidence, density };
-            let found = self.level.rows(&scan, monitor)?;
+            let found = self.level.rows(&Judged { points, codes: &codes, confidence, density: *density }, monitor)?;
             ground.extend(found.ground.into_iter().filter(|row| !known.contains(row)));
             doubted.extend(found.doubted.into_iter().filter(|row| !known.contains(row)));
+            doubted.extend(doubted_vegetation(&scan, self.level.cell, monitor)?);
         }
         let heights = match ground.is_empty() {
             true => heights,
@@ -380,7 +381,7 @@ impl ClassRules {
         // After the heights: what is not ground after all must not lower the roof around it.
         for row in doubted {
             let code = &mut result.codes[index[row as usize] as usize];
-            *code = if *code == BUILDING { GROUND } else { *code };
+            *code = if (LOW..=BUILDING).contains(code) { GROUND } else { *code };
         }
         if !enclosing.is_empty() {
             result.warnings.push(format!(
