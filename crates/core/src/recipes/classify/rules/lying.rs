@@ -3,6 +3,7 @@
 //!
 //! Where such roofs touch houses they are one component with these, which stands above the ground; so they are judged apart.
 
+use super::level::{Judged, LevelParams, LevelRows};
 use super::plan::{PlanRows, SPACINGS, block, cell_edge, groups};
 use super::{BUILDING, HIGH, LOW};
 use crate::cloud::Points;
@@ -60,9 +61,29 @@ impl Filtered<'_> {
     }
 }
 
+/// Rows that are ground after all.
+#[derive(Default)]
+pub(super) struct LyingRows {
+    /// Buildings that are level with the ground around them.
+    pub(super) ground: Vec<u32>,
+    /// Buildings and vegetation of which the stages are not sure.
+    pub(super) doubted: Vec<u32>,
+}
+
+/// The buildings and the vegetation on the ground of the filter that are ground; `free` is the code of points without a class.
+/// O(n).
+pub(super) fn lying(scan: &Filtered<'_>, level: &LevelParams, free: u8, monitor: &Monitor) -> Result<LyingRows> {
+    let Filtered { points, confidence, density, .. } = *scan;
+    let codes = buildings(scan, level.cell, free, monitor)?;
+    let LevelRows { ground, mut doubted, .. } =
+        level.rows(&Judged { points, codes: &codes, confidence, density }, monitor)?;
+    doubted.extend(doubted_vegetation(scan, level.cell, monitor)?);
+    Ok(LyingRows { ground, doubted })
+}
+
 /// The codes, with `free` in place of buildings that do not lie on the ground of the filter, or in a cell of `edge` metres of
 /// which most do not. O(n).
-pub(super) fn lying_buildings(scan: &Filtered<'_>, edge: f64, free: u8, monitor: &Monitor) -> Result<Vec<u8>> {
+fn buildings(scan: &Filtered<'_>, edge: f64, free: u8, monitor: &Monitor) -> Result<Vec<u8>> {
     let found = LyingCells::new(scan, |code| code == BUILDING, edge, monitor)?;
     let mut left: Vec<u8> = scan.codes.iter().map(|&code| if code == BUILDING { free } else { code }).collect();
     for cell in (0..found.cells.len()).filter(|&cell| found.lies(cell)) {
@@ -73,7 +94,7 @@ pub(super) fn lying_buildings(scan: &Filtered<'_>, edge: f64, free: u8, monitor:
 
 /// The rows of vegetation on the ground of the filter of which the stages are not sure, in pieces of cells of `edge` metres.
 /// O(n).
-pub(super) fn doubted_vegetation(scan: &Filtered<'_>, edge: f64, monitor: &Monitor) -> Result<Vec<u32>> {
+fn doubted_vegetation(scan: &Filtered<'_>, edge: f64, monitor: &Monitor) -> Result<Vec<u32>> {
     let found = LyingCells::new(scan, |code| (LOW..=HIGH).contains(&code), edge, monitor)?;
     let lies: Vec<bool> = (0..found.cells.len()).map(|cell| found.lies(cell)).collect();
     let index = &found.cells.index;
@@ -108,7 +129,7 @@ mod tests {
         let lying = [true, false, false, false, true, true, true, false];
         let codes = [6, 6, 6, 6, 6, 6, 2, 6];
         let scan = Filtered { points: &points, codes: &codes, confidence: &[0.9; 8], lying: &lying, density: 4.0 };
-        let left = lying_buildings(&scan, 1.0, 1, &Monitor::default()).unwrap();
+        let left = buildings(&scan, 1.0, 1, &Monitor::default()).unwrap();
         assert_eq!(left, [1, 1, 1, 1, 6, 6, 2, 1]);
     }
 

@@ -31,7 +31,7 @@ use crate::voxels::rows::RowGrid;
 use cars::Named;
 use crossings::{Crossing, crossings};
 use level::{Judged, LevelRows};
-use lying::{Filtered, doubted_vegetation, lying_buildings};
+use lying::{Filtered, LyingRows, lying};
 use narrow::narrow;
 pub(in crate::recipes) use plan::plan_cell;
 use raised::{Land, raised};
@@ -99,8 +99,8 @@ pub struct ClassRules {
     /// building is as narrow. 0: neither. Only for models with the ASPRS classes 2 and 6.
     pub lowest_building: f64,
     /// Buildings (6) that are level with the ground around them become ground (hilltops) or unclassified (decks of short
-    /// bridges, terraces); parts of them that lie on the ground of the ground filter are judged apart. Only for models with the
-    /// ASPRS classes 2 and 6.
+    /// bridges, terraces); parts of them that lie on the ground of the ground filter are judged apart, and vegetation there of low
+    /// confidence becomes ground. Only for models with the ASPRS classes 2 and 6.
     pub level: LevelParams,
     /// Buildings (6) that are the deck of a long bridge, and ground (2) that is the deck of a bridge over land or stands above
     /// all ground around it, become unclassified. Only for models with the ASPRS classes 2 and 6.
@@ -358,17 +358,16 @@ impl ClassRules {
             false => LevelRows::default(),
         };
         let LevelRows { mut ground, unknown, enclosing, .. } = level;
-        let mut doubted = Vec::new();
-        if self.levels(classes) && !result.lying.is_empty() {
-            let known: HashSet<u32> = unknown.iter().chain(&enclosing).copied().collect();
-            let Classified { codes, confidence, lying, density, .. } = &*result;
-            let scan = Filtered { points, codes, confidence, lying, density: *density };
-            let codes = lying_buildings(&scan, self.level.cell, classes.free_code(), monitor)?;
-            let found = self.level.rows(&Judged { points, codes: &codes, confidence, density: *density }, monitor)?;
-            ground.extend(found.ground.into_iter().filter(|row| !known.contains(row)));
-            doubted.extend(found.doubted.into_iter().filter(|row| !known.contains(row)));
-            doubted.extend(doubted_vegetation(&scan, self.level.cell, monitor)?);
-        }
+        let lying = match self.levels(classes) && !result.lying.is_empty() {
+            true => {
+                let Classified { codes, confidence, lying: marks, density, .. } = &*result;
+                let scan = Filtered { points, codes, confidence, lying: marks, density: *density };
+                lying(&scan, &self.level, classes.free_code(), monitor)?
+            }
+            false => LyingRows::default(),
+        };
+        let known: HashSet<u32> = unknown.iter().chain(&enclosing).copied().collect();
+        ground.extend(lying.ground.into_iter().filter(|row| !known.contains(row)));
         let heights = match ground.is_empty() {
             true => heights,
             false => {
@@ -379,7 +378,7 @@ impl ClassRules {
             }
         };
         // After the heights: what is not ground after all must not lower the roof around it.
-        for row in doubted {
+        for row in lying.doubted.into_iter().filter(|row| !known.contains(row)) {
             let code = &mut result.codes[index[row as usize] as usize];
             *code = if (LOW..=BUILDING).contains(code) { GROUND } else { *code };
         }
