@@ -73,7 +73,8 @@ pub(super) fn classify(recipe: &AutoContextRecipe, job: &Job<'_>, monitor: &Moni
     points.frame.index.iter().zip(&found.cars).for_each(|(&point, &car)| cars[point as usize] = car);
     let given = Probabilities { values: &found.probabilities, classes: codes.len() };
     let labels = regularise(&points.positions, given, job.regularise, monitor)?;
-    Ok(Classified { cars, lying, returns_falling, ..job.decided(&points, &labels, monitor)? }.compared(fit))
+    let result = job.decided(&points, &labels, monitor)?;
+    Ok(Classified { cars, lying, is_regularised: true, returns_falling, ..result }.compared(fit))
 }
 
 /// What the first stage of a model says about each point of a cloud with heights, and the features of the cloud, for the

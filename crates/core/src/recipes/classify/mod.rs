@@ -71,6 +71,8 @@ pub struct Classified {
     pub cars: Vec<f32>,
     /// Whether each point is ground to the ground filter; empty if the recipe has no heights.
     pub lying: Vec<bool>,
+    /// Whether neighbours were made to agree, so that a class may have a low probability beside others that are as sure.
+    pub is_regularised: bool,
     /// How the features compare with those of the training, if that was looked at.
     pub fit: Option<FeatureFit>,
     /// Points per square metre of covered ground.
@@ -219,6 +221,7 @@ impl Classified {
             probabilities: probabilities.then(|| vec![1.0 / classes as f32; points * classes]),
             cars: Vec::new(),
             lying: Vec::new(),
+            is_regularised: false,
             fit: None,
             density: 0.0,
             density_spread: 1.0,

@@ -15,7 +15,7 @@ pub(super) struct Filtered<'a> {
     pub(super) points: &'a Points,
     /// A code for each point of the cloud.
     pub(super) codes: &'a [u8],
-    /// The confidence in each of them.
+    /// The confidence in each of them; empty: nothing is doubted.
     pub(super) confidence: &'a [f32],
     /// Whether each point of the cloud lies on the ground of the filter.
     pub(super) lying: &'a [bool],
@@ -77,7 +77,9 @@ pub(super) fn lying(scan: &Filtered<'_>, level: &LevelParams, free: u8, monitor:
     let codes = buildings(scan, level.cell, free, monitor)?;
     let LevelRows { ground, mut doubted, .. } =
         level.rows(&Judged { points, codes: &codes, confidence, density }, monitor)?;
-    doubted.extend(doubted_vegetation(scan, level.cell, monitor)?);
+    if !confidence.is_empty() {
+        doubted.extend(doubted_vegetation(scan, level.cell, monitor)?);
+    }
     Ok(LyingRows { ground, doubted })
 }
 

@@ -360,7 +360,8 @@ impl ClassRules {
         let LevelRows { mut ground, unknown, enclosing, .. } = level;
         let lying = match self.levels(classes) && !result.lying.is_empty() {
             true => {
-                let Classified { codes, confidence, lying: marks, density, .. } = &*result;
+                let Classified { codes, lying: marks, density, .. } = &*result;
+                let confidence: &[f32] = if result.is_regularised { &[] } else { &result.confidence };
                 let scan = Filtered { points, codes, confidence, lying: marks, density: *density };
                 lying(&scan, &self.level, classes.free_code(), monitor)?
             }
