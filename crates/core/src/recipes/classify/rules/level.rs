@@ -564,7 +564,7 @@ mod tests {
 
     #[test]
     fn a_terrace_that_the_stages_are_not_sure_of_is_ground_and_a_canopy_is_none() {
-        // Terraces, 10 m wide, of which each is 3 m higher; 8 x 12 m, cut by the upper wall or not, were named building.
+        // Terraces, 10 m wide, of which each is 3 m higher; 8 x 12 m of one, or a canopy above it, were named building.
         let terrace = |x: f64| 3.0 * (x / 10.0).floor();
         let within = |x: f64, y: f64, left: f64| x > left && x < left + 8.0 && y > 14.0 && y < 26.0;
         let patch = |left: f64, raised: f64| {

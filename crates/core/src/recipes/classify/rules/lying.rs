@@ -158,6 +158,9 @@ mod tests {
         };
         let patch: Vec<usize> = (0..rows.len()).filter(|&i| within(&rows[i], 4.0)).collect();
         assert_eq!((found(0.69), found(0.71)), (patch, Vec::new()));
+        // Nothing is doubted without confidences, as after a field.
+        let scan = Filtered { points: &points, codes: &codes, confidence: &[], lying: &lying, density: 4.0 };
+        assert!(super::lying(&scan, &LevelParams::default(), 1, &Monitor::default()).unwrap().doubted.is_empty());
     }
 
     /// Shares of the ramps and of the deck that are ground, by the rules. A road on an embankment crosses another one; its
