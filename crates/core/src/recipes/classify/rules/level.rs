@@ -207,10 +207,17 @@ pub(super) struct Judged<'a> {
     pub(super) points: &'a Points,
     /// A code for each point of the cloud.
     pub(super) codes: &'a [u8],
-    /// The confidence in each of them, if buildings that the stages are not sure of are doubted; else empty.
+    /// The confidence in each of them; empty: nothing is doubted.
     pub(super) confidence: &'a [f32],
     /// Points per square metre.
     pub(super) density: f64,
+}
+
+impl Judged<'_> {
+    /// The point of the cloud that a row is.
+    pub(super) fn point(&self, row: u32) -> usize {
+        self.points.frame.index[row as usize] as usize
+    }
 }
 
 /// The cells in plan that hold building or ground.
@@ -264,11 +271,11 @@ impl LevelParams {
 
     /// The building points that are level with the ground around them. O(n).
     pub(super) fn rows(&self, scan: &Judged<'_>, monitor: &Monitor) -> Result<LevelRows> {
-        let Judged { points, codes, density, .. } = *scan;
-        let code = |row: u32| codes[points.frame.index[row as usize] as usize];
-        let used: Vec<u32> = (0..points.len() as u32).filter(|&row| matches!(code(row), BUILDING | GROUND)).collect();
-        let edge = cell_edge(self.cell, SPACINGS, density);
-        let cells = PlanRows::new(points, used, edge, monitor)?;
+        let code = |row: u32| scan.codes[scan.point(row)];
+        let all = 0..scan.points.len() as u32;
+        let used: Vec<u32> = all.filter(|&row| matches!(code(row), BUILDING | GROUND)).collect();
+        let edge = cell_edge(self.cell, SPACINGS, scan.density);
+        let cells = PlanRows::new(scan.points, used, edge, monitor)?;
         let mut scene = Scene { params: self, scan: *scan, cells, building: Vec::new(), edge };
         scene.building = (0..scene.cells.len()).map(|cell| scene.buildings(cell).next().is_some()).collect();
         scene.found(monitor)
@@ -286,19 +293,14 @@ impl Scene<'_> {
         self.cells.of(cell).iter().copied()
     }
 
-    /// The point of the cloud that a row is.
-    fn point(&self, row: u32) -> usize {
-        self.scan.points.frame.index[row as usize] as usize
-    }
-
     /// The rows of a cell that are building.
     fn buildings(&self, cell: usize) -> impl Iterator<Item = u32> {
-        self.rows(cell).filter(|&row| self.scan.codes[self.point(row)] == BUILDING)
+        self.rows(cell).filter(|&row| self.scan.codes[self.scan.point(row)] == BUILDING)
     }
 
     /// The rows of a cell that are ground.
     fn grounds(&self, cell: usize) -> impl Iterator<Item = u32> {
-        self.rows(cell).filter(|&row| self.scan.codes[self.point(row)] == GROUND)
+        self.rows(cell).filter(|&row| self.scan.codes[self.scan.point(row)] == GROUND)
     }
 
     /// Some of these points.
@@ -397,7 +399,7 @@ impl Scene<'_> {
             *cells += 1.0;
             for row in self.buildings(cell) {
                 *points += 1.0;
-                *sum += f64::from(confidence[self.point(row)]);
+                *sum += f64::from(confidence[self.scan.point(row)]);
             }
         }
         let area = self.edge.powi(2);
@@ -468,32 +470,51 @@ mod tests {
     use super::*;
     use crate::cloud::Cloud;
 
+    struct Named {
+        points: Points,
+        codes: Vec<u8>,
+    }
+
+    impl Named {
+        fn new(rows: &[[f64; 3]], codes: Vec<u8>) -> Self {
+            Self { points: Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0), codes }
+        }
+
+        fn buildings(&self) -> usize {
+            self.codes.iter().filter(|&&code| code == BUILDING).count()
+        }
+
+        /// What these parameters find with so many points per square metre.
+        fn found_by(&self, params: &LevelParams, density: f64) -> LevelRows {
+            self.doubted_by(params, density, &[])
+        }
+
+        fn doubted_by(&self, params: &LevelParams, density: f64, confidence: &[f32]) -> LevelRows {
+            let scan = Judged { points: &self.points, codes: &self.codes, confidence, density };
+            params.rows(&scan, &Monitor::default()).unwrap()
+        }
+    }
+
     /// Ground in the squares of 60 x 40 m, with something else in the place of some of them: height and code.
-    fn scene(ground: impl Fn(f64, f64) -> f64, other: impl Fn(f64, f64) -> Option<f64>) -> (Points, Vec<u8>) {
+    fn scene(ground: impl Fn(f64, f64) -> f64, other: impl Fn(f64, f64) -> Option<f64>) -> Named {
         let places = (0..9600).map(|i| (f64::from(i % 120) / 2.0 + 0.2, f64::from(i / 120) / 2.0 + 0.2));
         let point = |(x, y)| match other(x, y) {
             Some(z) => ([x, y, z], BUILDING),
             None => ([x, y, ground(x, y)], GROUND),
         };
         let (rows, codes): (Vec<[f64; 3]>, Vec<u8>) = places.map(point).unzip();
-        (Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0), codes)
-    }
-
-    /// What these parameters find with so many points per square metre.
-    fn found_by(params: &LevelParams, (points, codes): &(Points, Vec<u8>), density: f64) -> LevelRows {
-        params.rows(&Judged { points, codes, confidence: &[], density }, &Monitor::default()).unwrap()
+        Named::new(&rows, codes)
     }
 
     /// Numbers of points that become ground and that become unclassified.
-    fn found(scene: &(Points, Vec<u8>)) -> [usize; 2] {
-        let rows = found_by(&LevelParams::default(), scene, 4.0);
+    fn found(scene: &Named) -> [usize; 2] {
+        let rows = scene.found_by(&LevelParams::default(), 4.0);
         [rows.ground.len(), rows.unknown.len()]
     }
 
     #[test]
     fn houses_stand_and_hilltops_and_decks_do_not() {
         let inside = |v: f64, [low, high]: [f64; 2]| v > low && v < high;
-        let named = |scene: &(Points, Vec<u8>)| scene.1.iter().filter(|&&code| code == BUILDING).count();
         let house = |x: f64, y: f64| (inside(x, [20.0, 30.0]) && inside(y, [10.0, 20.0])).then_some(5.0);
         assert_eq!(found(&scene(|_, _| 0.0, house)), [0, 0]);
         // Built into a slope: level with it on the upper side.
@@ -501,26 +522,26 @@ mod tests {
         // The flat top of a hill.
         let hill = |x: f64, y: f64| (8.0 - 0.4 * (x - 30.0).hypot(y - 20.0)).clamp(0.0, 5.0);
         let hilltop = scene(hill, |x, y| (hill(x, y) > 4.5).then_some(hill(x, y)));
-        assert_eq!(found(&hilltop), [named(&hilltop), 0]);
+        assert_eq!(found(&hilltop), [hilltop.buildings(), 0]);
         // A wire above it, which was taken for a part of the building: the cells that it crosses, 6 m of one row, stand out.
         let wire = |y: f64| (y * 10.0).round() as i64 % 100 == 2;
         let high = |x: f64, y: f64| if inside(x, [27.0, 33.0]) && wire(y) { 15.0 } else { hill(x, y) };
         let crossed = scene(hill, |x, y| (hill(x, y) > 4.5).then_some(high(x, y)));
-        assert_eq!(found(&crossed), [named(&crossed) - 24, 0]);
+        assert_eq!(found(&crossed), [crossed.buildings() - 24, 0]);
         // A bridge over a narrow cutting: 6 m long, 16 m wide.
         let cutting = |x: f64| if inside(x, [27.0, 33.0]) { -6.0 } else { 0.0 };
         let bridge =
             scene(|x, _| cutting(x), |x, y| (inside(x, [27.0, 33.0]) && inside(y, [12.0, 28.0])).then_some(0.1));
-        assert_eq!(found(&bridge), [0, named(&bridge)]);
+        assert_eq!(found(&bridge), [0, bridge.buildings()]);
         // The brinks of a cutting, and a bridge over it that joins them.
         let brink = |x: f64, y: f64| {
             let open = inside(x, [27.0, 33.0]) && !inside(y, [18.0, 22.0]);
             (inside(x, [26.0, 34.0]) && !open).then_some(0.0)
         };
         let brinks = scene(|x, _| cutting(x), brink);
-        assert_eq!(found(&brinks), [0, named(&brinks)]);
+        assert_eq!(found(&brinks), [0, brinks.buildings()]);
         let by_share = LevelParams { flush: 1.0, ..LevelParams::default() };
-        let rows = found_by(&by_share, &brinks, 4.0);
+        let rows = brinks.found_by(&by_share, 4.0);
         assert_eq!([rows.ground.len(), rows.unknown.len()], [0, 0]);
         // A flat roof of which a part was named ground.
         let hall = |x: f64, y: f64| inside(x, [10.0, 50.0]) && inside(y, [5.0, 35.0]);
@@ -532,16 +553,16 @@ mod tests {
             let inside = move |x: f64, y: f64| inside(x, yard[0]) && inside(y, yard[1]);
             scene(|_, _| -8.0, move |x, y| (!inside(x, y)).then_some(0.0))
         };
-        let of_kinds = |scene: &(Points, Vec<u8>)| {
-            let rows = found_by(&LevelParams::default(), scene, 4.0);
+        let of_kinds = |scene: &Named| {
+            let rows = scene.found_by(&LevelParams::default(), 4.0);
             [rows.enclosing.len(), rows.standing.len()]
         };
         let closed = roofs([[12.0, 48.0], [10.0, 30.0]]);
-        assert_eq!(of_kinds(&closed), [named(&closed), 0]);
+        assert_eq!(of_kinds(&closed), [closed.buildings(), 0]);
         let corner = roofs([[12.0, 61.0], [-1.0, 30.0]]);
-        assert_eq!(of_kinds(&corner), [0, named(&corner)]);
+        assert_eq!(of_kinds(&corner), [0, corner.buildings()]);
         // With every pair level it takes more than a share of 1.
-        let none = found_by(&LevelParams::none(), &bridge, 4.0);
+        let none = bridge.found_by(&LevelParams::none(), 4.0);
         assert!(none.ground.is_empty() && none.unknown.is_empty());
     }
 
@@ -553,9 +574,8 @@ mod tests {
         let patch = |x: f64, y: f64| ((x * 0.7).sin() * (y * 0.9).sin() > -0.2).then_some(slope(x));
         let hill = scene(|x, _| slope(x), |x, y| house(x, y).or_else(|| patch(x, y)));
         let of_house = scene(|x, _| slope(x), house);
-        let named = |scene: &(Points, Vec<u8>)| scene.1.iter().filter(|&&code| code == BUILDING).count();
         let [ground, unknown] = found(&hill);
-        let patches = named(&hill) - named(&of_house);
+        let patches = hill.buildings() - of_house.buildings();
         assert!(
             unknown == 0 && patches > 3000 && ground <= patches && ground * 10 > patches * 9,
             "{ground} of {patches}"
@@ -570,39 +590,36 @@ mod tests {
         let patch = |left: f64, raised: f64| {
             scene(|x, _| terrace(x), move |x, y| within(x, y, left).then_some(terrace(x) + raised))
         };
-        let ground = |(points, codes): &(Points, Vec<u8>), confidence: f32| {
-            let confidence = vec![confidence; codes.len()];
-            let scan = Judged { points, codes, confidence: &confidence, density: 4.0 };
-            let rows = LevelParams::default().rows(&scan, &Monitor::default()).unwrap();
-            (rows.ground.len() + rows.doubted.len()) as f64
-                / codes.iter().filter(|&&code| code == BUILDING).count() as f64
+        let doubted = |scene: &Named, confidence: f32| {
+            let confidence = vec![confidence; scene.codes.len()];
+            let rows = scene.doubted_by(&LevelParams::default(), 4.0, &confidence).doubted;
+            rows.len() as f64 / scene.buildings() as f64
         };
         // At the lower brink: the ground below drops along one of the long sides.
         let brink = patch(30.0, 0.0);
-        assert_eq!([0.5, 0.79, 0.81, 1.0].map(|confidence| ground(&brink, confidence)), [1.0, 1.0, 0.0, 0.0]);
+        assert_eq!([0.5, 0.79, 0.81, 1.0].map(|confidence| doubted(&brink, confidence)), [1.0, 1.0, 0.0, 0.0]);
         // A canopy drops on all sides.
-        assert_eq!(ground(&patch(31.0, 4.0), 0.5), 0.0);
+        assert_eq!(doubted(&patch(31.0, 4.0), 0.5), 0.0);
     }
 
     /// A row of the ground, 0.35 points a square metre, and on it an embankment, 6 m high and 10 m wide at the top, or a house
     /// of that width; only the top is named building.
-    fn thin(foot: f64) -> (Points, Vec<u8>) {
+    fn thin(foot: f64) -> Named {
         // A low-discrepancy sequence: Roberts 2018, with the plastic number.
         let place =
             |i: u32| [100.0 * (f64::from(i) * 0.754_877_666).fract(), 60.0 * (f64::from(i) * 0.569_840_291).fract()];
         let height = |y: f64| (6.0 - ((y - 30.0).abs() - 5.0) * 6.0 / foot).clamp(0.0, 6.0);
         let rows: Vec<[f64; 3]> = (0..2100).map(place).map(|[x, y]| [x, y, height(y)]).collect();
         let codes = rows.iter().map(|&[_, _, z]| if z >= 6.0 { BUILDING } else { GROUND }).collect();
-        (Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0), codes)
+        Named::new(&rows, codes)
     }
 
     #[test]
     fn the_top_of_an_embankment_in_a_thin_cloud_is_ground_and_a_long_house_is_none() {
         let found = |foot: f64| {
             let scene = thin(foot);
-            let rows = found_by(&LevelParams::default(), &scene, 0.35);
-            let named = scene.1.iter().filter(|&&code| code == BUILDING).count();
-            (rows.ground.len(), rows.unknown.len(), named)
+            let rows = scene.found_by(&LevelParams::default(), 0.35);
+            (rows.ground.len(), rows.unknown.len(), scene.buildings())
         };
         // Slopes of 1 : 1.5.
         let (ground, unknown, named) = found(9.0);
@@ -616,7 +633,7 @@ mod tests {
     fn clouds_without_buildings_or_ground_have_none() {
         assert_eq!(found(&scene(|_, _| 0.0, |_, _| None)), [0, 0]);
         assert_eq!(found(&scene(|_, _| 0.0, |_, _| Some(1.0))), [0, 0]);
-        assert_eq!(found(&(Points::default(), Vec::new())), [0, 0]);
+        assert_eq!(found(&Named { points: Points::default(), codes: Vec::new() }), [0, 0]);
         assert!(LevelParams { share: 1.5, ..LevelParams::default() }.validate().is_err());
         assert!(LevelParams { step: 2.0, ..LevelParams::default() }.validate().is_err());
         assert!(LevelParams { slope: 1.1, ..LevelParams::default() }.validate().is_err());

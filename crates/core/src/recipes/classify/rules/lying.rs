@@ -12,15 +12,9 @@ use crate::parallel::Monitor;
 
 /// A scan that was classified, and what the ground filter makes of it.
 pub(super) struct Filtered<'a> {
-    pub(super) points: &'a Points,
-    /// A code for each point of the cloud.
-    pub(super) codes: &'a [u8],
-    /// The confidence in each of them; empty: nothing is doubted.
-    pub(super) confidence: &'a [f32],
+    pub(super) scan: Judged<'a>,
     /// Whether each point of the cloud lies on the ground of the filter.
     pub(super) lying: &'a [bool],
-    /// Points per square metre.
-    pub(super) density: f64,
 }
 
 /// Vegetation that lies on the ground of the filter is ground in pieces of less mean confidence
@@ -30,7 +24,7 @@ const PIECE: f64 = 10.0;
 
 /// The points with some classes, by cells in plan.
 struct LyingCells<'a> {
-    scan: &'a Filtered<'a>,
+    filtered: &'a Filtered<'a>,
     cells: PlanRows,
     /// Edge of a cell, metres.
     edge: f64,
@@ -38,26 +32,22 @@ struct LyingCells<'a> {
 
 impl<'a> LyingCells<'a> {
     /// Of the points with these codes, in cells of at least `edge` metres.
-    fn new(scan: &'a Filtered<'_>, has: impl Fn(u8) -> bool, edge: f64, monitor: &Monitor) -> Result<Self> {
+    fn new(filtered: &'a Filtered<'_>, has: impl Fn(u8) -> bool, edge: f64, monitor: &Monitor) -> Result<Self> {
+        let scan = &filtered.scan;
         let edge = cell_edge(edge, SPACINGS, scan.density);
         let used = (0..scan.points.len() as u32).filter(|&row| has(scan.codes[scan.point(row)])).collect();
-        Ok(Self { scan, cells: PlanRows::new(scan.points, used, edge, monitor)?, edge })
+        Ok(Self { filtered, cells: PlanRows::new(scan.points, used, edge, monitor)?, edge })
     }
 
     /// The rows of a cell that lie on the ground of the filter.
     fn of(&self, cell: usize) -> impl Iterator<Item = u32> {
-        self.cells.of(cell).iter().copied().filter(|&row| self.scan.lying[self.scan.point(row)])
+        let Filtered { scan, lying } = self.filtered;
+        self.cells.of(cell).iter().copied().filter(|&row| lying[scan.point(row)])
     }
 
     /// Whether they are half of the rows of a cell at least; in others stands a wall or a bush, whose foot lies on the ground.
     fn lies(&self, cell: usize) -> bool {
         2 * self.of(cell).count() >= self.cells.of(cell).len()
-    }
-}
-
-impl Filtered<'_> {
-    fn point(&self, row: u32) -> usize {
-        self.points.frame.index[row as usize] as usize
     }
 }
 
@@ -72,21 +62,20 @@ pub(super) struct LyingRows {
 
 /// The buildings and the vegetation on the ground of the filter that are ground; `free` is the code of points without a class.
 /// O(n).
-pub(super) fn lying(scan: &Filtered<'_>, level: &LevelParams, free: u8, monitor: &Monitor) -> Result<LyingRows> {
-    let Filtered { points, confidence, density, .. } = *scan;
-    let codes = buildings(scan, level.cell, free, monitor)?;
-    let LevelRows { ground, mut doubted, .. } =
-        level.rows(&Judged { points, codes: &codes, confidence, density }, monitor)?;
-    if !confidence.is_empty() {
-        doubted.extend(doubted_vegetation(scan, level.cell, monitor)?);
+pub(super) fn lying(filtered: &Filtered<'_>, level: &LevelParams, free: u8, monitor: &Monitor) -> Result<LyingRows> {
+    let codes = buildings(filtered, level.cell, free, monitor)?;
+    let LevelRows { ground, mut doubted, .. } = level.rows(&Judged { codes: &codes, ..filtered.scan }, monitor)?;
+    if !filtered.scan.confidence.is_empty() {
+        doubted.extend(doubted_vegetation(filtered, level.cell, monitor)?);
     }
     Ok(LyingRows { ground, doubted })
 }
 
 /// The codes, with `free` in place of buildings that do not lie on the ground of the filter, or in a cell of `edge` metres of
 /// which most do not. O(n).
-fn buildings(scan: &Filtered<'_>, edge: f64, free: u8, monitor: &Monitor) -> Result<Vec<u8>> {
-    let found = LyingCells::new(scan, |code| code == BUILDING, edge, monitor)?;
+fn buildings(filtered: &Filtered<'_>, edge: f64, free: u8, monitor: &Monitor) -> Result<Vec<u8>> {
+    let scan = &filtered.scan;
+    let found = LyingCells::new(filtered, |code| code == BUILDING, edge, monitor)?;
     let mut left: Vec<u8> = scan.codes.iter().map(|&code| if code == BUILDING { free } else { code }).collect();
     for cell in (0..found.cells.len()).filter(|&cell| found.lies(cell)) {
         found.of(cell).for_each(|row| left[scan.point(row)] = BUILDING);
@@ -96,8 +85,9 @@ fn buildings(scan: &Filtered<'_>, edge: f64, free: u8, monitor: &Monitor) -> Res
 
 /// The rows of vegetation on the ground of the filter of which the stages are not sure, in pieces of cells of `edge` metres.
 /// O(n).
-fn doubted_vegetation(scan: &Filtered<'_>, edge: f64, monitor: &Monitor) -> Result<Vec<u32>> {
-    let found = LyingCells::new(scan, |code| (LOW..=HIGH).contains(&code), edge, monitor)?;
+fn doubted_vegetation(filtered: &Filtered<'_>, edge: f64, monitor: &Monitor) -> Result<Vec<u32>> {
+    let scan = &filtered.scan;
+    let found = LyingCells::new(filtered, |code| (LOW..=HIGH).contains(&code), edge, monitor)?;
     let lies: Vec<bool> = (0..found.cells.len()).map(|cell| found.lies(cell)).collect();
     let index = &found.cells.index;
     let near = |cell: usize| block(index.keys()[cell], 1).filter_map(|key| index.find(key)).filter(|&near| lies[near]);
@@ -130,8 +120,8 @@ mod tests {
         let points = points(&[rows, slope].concat());
         let lying = [true, false, false, false, true, true, true, false];
         let codes = [6, 6, 6, 6, 6, 6, 2, 6];
-        let scan = Filtered { points: &points, codes: &codes, confidence: &[0.9; 8], lying: &lying, density: 4.0 };
-        let left = buildings(&scan, 1.0, 1, &Monitor::default()).unwrap();
+        let scan = Judged { points: &points, codes: &codes, confidence: &[], density: 4.0 };
+        let left = buildings(&Filtered { scan, lying: &lying }, 1.0, 1, &Monitor::default()).unwrap();
         assert_eq!(left, [1, 1, 1, 1, 6, 6, 2, 1]);
     }
 
@@ -144,23 +134,18 @@ mod tests {
         let points = points(&rows);
         let codes: Vec<u8> = rows.iter().map(|p| if within(p, 4.0) || within(p, 12.0) { HIGH } else { 2 }).collect();
         let lying: Vec<bool> = rows.iter().map(|p| !within(p, 12.0)).collect();
-        let found = |confidence: f32| {
-            let confidence = vec![confidence; rows.len()];
-            let scan =
-                Filtered { points: &points, codes: &codes, confidence: &confidence, lying: &lying, density: 4.0 };
-            let mut found: Vec<usize> = doubted_vegetation(&scan, 1.0, &Monitor::default())
-                .unwrap()
-                .into_iter()
-                .map(|row| scan.point(row))
-                .collect();
+        let found = |confidence: &[f32]| {
+            let scan = Judged { points: &points, codes: &codes, confidence, density: 4.0 };
+            let (level, monitor) = (LevelParams::default(), Monitor::default());
+            let rows = super::lying(&Filtered { scan, lying: &lying }, &level, 1, &monitor).unwrap().doubted;
+            let mut found: Vec<usize> = rows.into_iter().map(|row| scan.point(row)).collect();
             found.sort_unstable();
             found
         };
         let patch: Vec<usize> = (0..rows.len()).filter(|&i| within(&rows[i], 4.0)).collect();
-        assert_eq!((found(0.69), found(0.71)), (patch, Vec::new()));
+        assert_eq!((found(&vec![0.69; rows.len()]), found(&vec![0.71; rows.len()])), (patch, Vec::new()));
         // Nothing is doubted without confidences, as after a field.
-        let scan = Filtered { points: &points, codes: &codes, confidence: &[], lying: &lying, density: 4.0 };
-        assert!(super::lying(&scan, &LevelParams::default(), 1, &Monitor::default()).unwrap().doubted.is_empty());
+        assert!(found(&[]).is_empty());
     }
 
     /// Shares of the ramps and of the deck that are ground, by the rules. A road on an embankment crosses another one; its

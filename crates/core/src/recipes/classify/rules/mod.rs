@@ -345,28 +345,8 @@ impl ClassRules {
         };
         let standing = Standing { classes, points, isolated };
         let heights = self.by_height(result, &standing, monitor)?;
-        let level = match self.levels(classes) {
-            true => {
-                let found = |rule: &LevelParams, codes: &[u8]| {
-                    rule.rows(&Judged { points, codes, confidence: &[], density: result.density }, monitor)
-                };
-                // Ground that was named building joins the houses beside it to the ground, and is flush with it, until it is
-                // ground again.
-                let before = LevelParams { flush: 1.0, ..self.level.clone() };
-                found(&before, &named)?.revised(found(&self.level, &result.codes)?, points.len())
-            }
-            false => LevelRows::default(),
-        };
-        let LevelRows { mut ground, unknown, enclosing, .. } = level;
-        let lying = match self.levels(classes) && !result.lying.is_empty() {
-            true => {
-                let Classified { codes, lying: marks, density, .. } = &*result;
-                let confidence: &[f32] = if result.is_regularised { &[] } else { &result.confidence };
-                let scan = Filtered { points, codes, confidence, lying: marks, density: *density };
-                lying(&scan, &self.level, classes.free_code(), monitor)?
-            }
-            false => LyingRows::default(),
-        };
+        let LevelRows { mut ground, unknown, enclosing, .. } = self.level_rows(result, &named, &standing, monitor)?;
+        let lying = self.lying_rows(result, &standing, monitor)?;
         let known: HashSet<u32> = unknown.iter().chain(&enclosing).copied().collect();
         ground.extend(lying.ground.into_iter().filter(|row| !known.contains(row)));
         let heights = match ground.is_empty() {
@@ -391,6 +371,38 @@ impl ClassRules {
             ));
         }
         Ok(Divided { heights, unknown: [unknown, enclosing].concat() })
+    }
+
+    /// The buildings by the ground around them; `named` are the codes before low buildings became ground.
+    fn level_rows(
+        &self,
+        result: &Classified,
+        named: &[u8],
+        standing: &Standing<'_>,
+        monitor: &Monitor,
+    ) -> Result<LevelRows> {
+        let Standing { classes, points, .. } = *standing;
+        if !self.levels(classes) {
+            return Ok(LevelRows::default());
+        }
+        let found = |rule: &LevelParams, codes: &[u8]| {
+            rule.rows(&Judged { points, codes, confidence: &[], density: result.density }, monitor)
+        };
+        // Ground that was named building joins the houses beside it to the ground, and is flush with it, until it is
+        // ground again.
+        let before = LevelParams { flush: 1.0, ..self.level.clone() };
+        Ok(found(&before, named)?.revised(found(&self.level, &result.codes)?, points.len()))
+    }
+
+    /// What lies on the ground of the ground filter and is ground after all.
+    fn lying_rows(&self, result: &Classified, standing: &Standing<'_>, monitor: &Monitor) -> Result<LyingRows> {
+        let Standing { classes, points, .. } = *standing;
+        if !self.levels(classes) || result.lying.is_empty() {
+            return Ok(LyingRows::default());
+        }
+        let confidence: &[f32] = if result.is_regularised { &[] } else { &result.confidence };
+        let scan = Judged { points, codes: &result.codes, confidence, density: result.density };
+        lying(&Filtered { scan, lying: &result.lying }, &self.level, classes.free_code(), monitor)
     }
 
     /// The rules that need the height above the points that are named ground; returns these heights.
