@@ -6,7 +6,6 @@
 use super::level::{Judged, LevelParams, LevelRows};
 use super::plan::{PlanRows, SPACINGS, block, cell_edge, groups};
 use super::{BUILDING, HIGH, LOW};
-use crate::cloud::Points;
 use crate::error::Result;
 use crate::parallel::Monitor;
 
@@ -104,7 +103,7 @@ fn doubted_vegetation(filtered: &Filtered<'_>, edge: f64, monitor: &Monitor) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::{Cloud, MetricCloud};
+    use crate::cloud::{Cloud, MetricCloud, Points};
     use crate::recipes::classify::Classified;
     use crate::recipes::classify::rules::{ClassRules, ClassTable, GROUND, LevelParams};
 
