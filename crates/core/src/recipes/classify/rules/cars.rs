@@ -66,14 +66,14 @@ impl Default for CarParams {
     fn default() -> Self {
         Self {
             points: 12,
-            probability: 0.3,
-            mean_probability: 0.65,
+            probability: 0.1,
+            mean_probability: 0.4,
             cell: 0.5,
             length: 2.0,
             width: 1.0,
-            fill: 0.8,
+            fill: 0.85,
             area: [2.5, 200.0],
-            top: [1.25, 2.9],
+            top: [1.1, 2.9],
             middle: 0.7,
             bottom: 0.4,
             ground_around: 0.5,
@@ -369,7 +369,7 @@ mod tests {
     }
 
     fn thing(at: [f64; 2], size: [f64; 3]) -> Block {
-        Block { at, size, probability: 0.1 }
+        Block { at, size, probability: 0.05 }
     }
 
     fn scene(blocks: &[Block]) -> Scene {
@@ -379,7 +379,7 @@ mod tests {
             let [x, y] = [f64::from(i % 160), f64::from(i / 160)].map(|v| 0.25 * v + 0.1);
             let (height, probability, code) = match blocks.iter().find(|block| block.holds([x, y])) {
                 Some(block) => (block.size[2], block.probability, 5),
-                None => (0.0, 0.1, 2),
+                None => (0.0, 0.05, 2),
             };
             rows.push([x, y, height]);
             scene.codes.push(code);
@@ -421,8 +421,8 @@ mod tests {
         // Hedges of the same height on both sides.
         let hedges = [thing([4.5, 4.0], [5.5, 1.0, 1.5]), thing([4.5, 6.8], [5.5, 1.0, 1.5])];
         assert_eq!(found(&[car([5.0, 5.0], size), hedges[0], hedges[1]]), [0.0; 3]);
-        // A hedge beside it that is a little like a car: the car alone is one.
-        let beside = Block { probability: 0.35, ..thing([4.5, 7.1], [5.5, 2.0, 1.5]) };
+        // A longer hedge beside it that is a little like a car: the car alone is one.
+        let beside = Block { probability: 0.2, ..thing([4.5, 7.1], [9.0, 1.0, 1.5]) };
         assert_eq!(found(&[car([5.0, 5.0], size), beside]), [1.0, 0.0]);
         // Four at an angle in a row fill three quarters of their rectangle, enough if they are surely cars.
         let slanted = |probability| {
