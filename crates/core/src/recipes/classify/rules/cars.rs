@@ -418,6 +418,8 @@ mod tests {
         assert_eq!(found(&[car([5.0, 5.0], [4.5, 1.8, 3.5])]), [0.0]);
         assert_eq!(found(&[car([5.0, 5.0], [1.4, 1.4, 1.5])]), [0.0]);
         assert_eq!(found(&[thing([5.0, 5.0], size)]), [0.0]);
+        assert_eq!(found(&[Block { probability: 0.35, ..car([5.0, 5.0], size) }]), [0.0]);
+        assert_eq!(found(&[Block { probability: 0.45, ..car([5.0, 5.0], size) }]), [1.0]);
         // Hedges of the same height on both sides.
         let hedges = [thing([4.5, 4.0], [5.5, 1.0, 1.5]), thing([4.5, 6.8], [5.5, 1.0, 1.5])];
         assert_eq!(found(&[car([5.0, 5.0], size), hedges[0], hedges[1]]), [0.0; 3]);
