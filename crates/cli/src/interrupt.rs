@@ -8,7 +8,7 @@ use scansion_core::io::abandon_outputs;
 use scansion_core::parallel::Monitor;
 use signal_hook::consts::{SIGABRT, SIGHUP, SIGINT, SIGTERM};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, LazyLock, Mutex, Once};
+use std::sync::{Arc, Barrier, LazyLock, Mutex, Once};
 use std::time::{Duration, Instant};
 
 /// Interval at which signals are checked.
@@ -22,6 +22,8 @@ static ABORTED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 static PIPE: Mutex<Option<(std::io::PipeReader, std::io::PipeWriter)>> = Mutex::new(None);
 static CURRENT: Mutex<Option<Monitor>> = Mutex::new(None);
 static WATCHER: Once = Once::new();
+/// Passed once the thread that watches is running.
+static RUNNING: Barrier = Barrier::new(2);
 
 /// A command that signals can end, until this is dropped.
 pub(crate) struct Interruptible(Monitor);
@@ -35,13 +37,8 @@ impl Interruptible {
             *current = Some(monitor.clone());
         }
         WATCHER.call_once(|| {
-            for signal in [SIGINT, SIGTERM, SIGHUP] {
-                // If a handler cannot be installed, the system's default ends the process.
-                let _ = signal_hook::flag::register_usize(signal, Arc::clone(&SIGNAL), signal as usize);
-            }
             if std::thread::Builder::new().name("signals".into()).spawn(watch).is_ok() {
-                // If this fails, an abort ends the process in the usual way.
-                let _ = hold_aborts();
+                handle_signals();
             }
             // With a handler, writing beyond the largest size of a file is an error of that file.
             #[cfg(unix)]
@@ -64,7 +61,20 @@ impl Drop for Interruptible {
     }
 }
 
+/// Installs the handlers that the watching thread reacts to. Where one cannot be installed, the signal ends the process in
+/// the usual way.
+fn handle_signals() {
+    // A thread that finds no memory for its signal stack aborts as it starts. Until it is running, no handler may hold an
+    // abort: nothing would end the process then.
+    RUNNING.wait();
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
+        let _ = signal_hook::flag::register_usize(signal, Arc::clone(&SIGNAL), signal as usize);
+    }
+    let _ = hold_aborts();
+}
+
 fn watch() {
+    RUNNING.wait();
     let running = || CURRENT.lock().ok().and_then(|current| current.clone());
     let mut asked: Option<Instant> = None;
     loop {

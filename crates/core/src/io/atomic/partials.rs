@@ -2,12 +2,44 @@
 
 use super::run::exists;
 use std::io::{Error, Result};
+#[cfg(unix)]
+use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Duration;
 
 /// Names of the existing temporary files.
-static OPEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+static OPEN: Mutex<Vec<Name>> = Mutex::new(Vec::new());
+
+/// A path as the system takes it: to remove the file, no memory is allocated, however long the path is.
+#[cfg(unix)]
+type Name = std::ffi::CString;
+#[cfg(not(unix))]
+type Name = PathBuf;
+
+fn name(path: &Path) -> Name {
+    // A path of an existing file has no zero byte.
+    #[cfg(unix)]
+    return Name::new(path.as_os_str().as_bytes()).unwrap_or_default();
+    #[cfg(not(unix))]
+    return path.into();
+}
+
+/// Removes a file. What cannot be removed is left behind: the process is about to end.
+fn unlink(name: &Name) {
+    #[cfg(unix)]
+    let _ = rustix::fs::unlink(name.as_c_str());
+    #[cfg(not(unix))]
+    let _ = std::fs::remove_file(name);
+}
+
+/// Takes a file off the list, without allocating memory while the list is locked.
+fn forget(open: &mut Vec<Name>, path: &Path) {
+    #[cfg(unix)]
+    open.retain(|name| name.as_bytes() != path.as_os_str().as_bytes());
+    #[cfg(not(unix))]
+    open.retain(|name| name != path);
+}
 
 /// An existing temporary file, which is renamed to its final name, or removed when this value is dropped.
 #[derive(Debug)]
@@ -16,8 +48,9 @@ pub(super) struct Partial(PathBuf);
 impl Partial {
     /// Registers a file that was just created.
     pub(super) fn new(path: PathBuf) -> Self {
+        let name = name(&path);
         if let Ok(mut open) = OPEN.lock() {
-            open.push(path.clone());
+            open.push(name);
         }
         Self(path)
     }
@@ -40,7 +73,7 @@ impl Partial {
     fn renamed(&mut self, rename: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
         let mut open = OPEN.lock().map_err(|_| Error::other("a writer of this process has failed"))?;
         rename(&self.0)?;
-        open.retain(|path| *path != self.0);
+        forget(&mut open, &self.0);
         self.0 = PathBuf::new();
         Ok(())
     }
@@ -68,7 +101,7 @@ impl Drop for Partial {
         if !self.0.as_os_str().is_empty() {
             let _ = std::fs::remove_file(&self.0);
             if let Ok(mut open) = OPEN.lock() {
-                open.retain(|path| *path != self.0);
+                forget(&mut open, &self.0);
             }
         }
     }
@@ -88,9 +121,7 @@ pub fn abandon_outputs() {
         list
     });
     let Some(open) = list else { return };
-    for path in open.iter() {
-        let _ = std::fs::remove_file(path);
-    }
+    open.iter().for_each(unlink);
     // Keeps the lock: a thread that starts or finishes an output waits here until the process has ended.
     std::mem::forget(open);
 }
