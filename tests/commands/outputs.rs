@@ -811,7 +811,15 @@ fn the_built_in_model_says_what_it_has_no_class_for() {
     says(&off, "cars that are found become unclassified, not looked for: water and decks of bridges");
     off.extend(["--set", "classes.cars.points=0"]);
     says(&off, "not looked for: cars, water and decks of bridges");
-    assert!(PROGRAM.ends(f, &["evaluate", "a.laz", "-m", "copy.model"], 0).1.contains(&format!("{limits}{all}")));
+    for other in [
+        &["evaluate", "a.laz", "-m", "copy.model"][..],
+        &["suggest", "a.laz", "-m", "built-in", "-n", "3", "-o", "s.csv"],
+        &["model", "show"],
+        &["model", "show", "copy.model", "--format", "json"],
+    ] {
+        assert!(PROGRAM.ends(f, other, 0).1.contains(&format!("{limits}{all}")), "{other:?}");
+    }
+    assert!(!PROGRAM.ends(f, &["model", "show", "m.model"], 0).1.contains("no class for bridges"));
     let skipped = text(&scansion(f, &["classify", "a.laz", "-o", "b.laz", "--skip-existing"]).stderr);
     assert!(skipped.contains("it exists and is skipped") && !skipped.contains("no class for bridges"), "{skipped}");
     assert!(!told(&["-m", "m.model"]).contains("no class for bridges"));

@@ -9,6 +9,14 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+/// Characters of the longest bar.
+const LONGEST: f64 = 40.0;
+
+/// A bar of a table in proportion to `value`; that of the `largest` value is the longest, and only 0 has none.
+pub(crate) fn bar(value: f64, largest: f64) -> String {
+    "#".repeat(if value > 0.0 { (LONGEST * value / largest).ceil() as usize } else { 0 })
+}
+
 /// Data to stdout, everything else to stderr.
 #[derive(Debug)]
 pub(crate) struct Printer {
@@ -84,5 +92,17 @@ impl Printer {
     fn line(&self, prefix: &str, text: &str) {
         // Nothing can be done if stderr is closed.
         let _ = writeln!(std::io::stderr().lock(), "{prefix}{}", self.shown(text));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bars_are_in_proportion_to_the_largest() {
+        let lengths = |values: [f64; 4]| values.map(|value| bar(value, 0.8).len());
+        assert_eq!(lengths([0.8, 0.4, 1e-9, 0.0]), [40, 20, 1, 0]);
+        assert_eq!(bar(0.0, 0.0), "");
     }
 }

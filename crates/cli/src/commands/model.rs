@@ -3,8 +3,9 @@
 use super::{Context, sources};
 use crate::args::{Format, Model};
 use crate::exit_code::Failure;
+use crate::printer::bar;
 use scansion_core::classification::Predictor;
-use scansion_core::recipes::{Model as ModelFile, RegulariseParams, Trained};
+use scansion_core::recipes::{self, Model as ModelFile, RegulariseParams, Trained};
 use std::fmt::Write;
 
 pub(crate) fn run(args: &Model, context: &Context<'_>) -> Result<(), Failure> {
@@ -12,6 +13,9 @@ pub(crate) fn run(args: &Model, context: &Context<'_>) -> Result<(), Failure> {
     let model = sources::model(model.as_deref())?;
     if *recipe {
         return context.printer.data(&model.fitted.recipe().to_toml()?);
+    }
+    if recipes::is_builtin(&model) {
+        context.printer.note(&recipes::builtin_limits(&model.fitted.rules()));
     }
     let ranked = ranked(&model);
     context.printer.data(&match context.printer.format {
@@ -59,9 +63,9 @@ fn table(model: &ModelFile, ranked: &[(&str, f64)]) -> String {
         let _ = writeln!(text, "cars are found, and left unclassified: {}, {}", cars.kind().name(), parts.join(", "));
     }
     let _ = writeln!(text, "\nmost important features (share of what the splits gained)");
+    let largest = ranked.first().map_or(0.0, |(_, importance)| *importance);
     for (name, importance) in ranked.iter().take(20) {
-        let bar = "#".repeat((importance * 400.0).round().clamp(0.0, 60.0) as usize);
-        let _ = writeln!(text, "{name:>32} {:>6.2} %  {bar}", 100.0 * importance);
+        let _ = writeln!(text, "{name:>32} {:>6.2} %  {}", 100.0 * importance, bar(*importance, largest));
     }
     text
 }

@@ -4,6 +4,7 @@ use super::labels::LabelSource;
 use super::{Context, sources};
 use crate::args::{Format, LabelArgs, Segment, SegmentArgs};
 use crate::exit_code::Failure;
+use crate::printer::bar;
 use scansion_core::cloud::{Cloud, Column, Values, names};
 use scansion_core::evaluation::report::percent;
 use scansion_core::images::segment_colour;
@@ -139,9 +140,9 @@ fn table(report: &SegmentReport) -> String {
         }
     }
     let _ = writeln!(text, "\n{:>12} {:>10} {:>12}", "points", "segments", "in all");
-    let most = report.sizes.iter().map(|bin| bin.segments).max().unwrap_or(1).max(1);
+    let most = report.sizes.iter().map(|bin| bin.segments).max().unwrap_or(0);
     for bin in &report.sizes {
-        let bar = "#".repeat((bin.segments * 40).div_ceil(most) as usize);
+        let bar = bar(bin.segments as f64, most as f64);
         let _ = writeln!(text, "{:>12} {:>10} {:>12} {bar}", bin.from, bin.segments, bin.nodes);
     }
     if let (Some(accuracy), Some(b)) = (report.oracle_accuracy, report.boundaries) {
