@@ -245,7 +245,7 @@ fn threads_without_room_for_their_stacks_end_the_program() {
 #[test]
 fn a_conversion_that_ends_with_an_error_leaves_no_output() {
     let folder = tempfile::tempdir().unwrap();
-    // A path beyond the 384 bytes up to which the standard library calls the system without allocating memory.
+    // For a path of 384 bytes or more the standard library allocates memory to call the system.
     let deep = folder.path().join("a".repeat(200)).join("b".repeat(200));
     std::fs::create_dir_all(&deep).unwrap();
     let (f, out) = (deep.as_path(), deep.join("out.npz"));
